@@ -1,0 +1,14 @@
+"""What can be known: which modes tendons drive and outputs see, and how far rest lengths reach."""
+
+from tensctl.analysis.influence import static_influence, tension_influence
+from tensctl.analysis.modal import controllability, observability
+from tensctl.analysis.verdict import ModalReport, ModeVerdict
+
+__all__ = [
+    "ModalReport",
+    "ModeVerdict",
+    "controllability",
+    "observability",
+    "static_influence",
+    "tension_influence",
+]

@@ -1,0 +1,22 @@
+"""The physics, stated once: what a rod and a tendon store, pull and how they move."""
+
+from tensctl.elements.assembly import TendonTerms, scatter_blocks, tendon_terms
+from tensctl.elements.manifold import RodManifold
+from tensctl.elements.potential import Potential, PotentialPoint
+from tensctl.elements.rod import Hold, rod_acceleration, rod_energy
+from tensctl.elements.tendon import tendon_energy, tendon_statics, tendon_tension
+
+__all__ = [
+    "Hold",
+    "Potential",
+    "PotentialPoint",
+    "RodManifold",
+    "TendonTerms",
+    "rod_acceleration",
+    "rod_energy",
+    "scatter_blocks",
+    "tendon_energy",
+    "tendon_statics",
+    "tendon_tension",
+    "tendon_terms",
+]

@@ -1,0 +1,75 @@
+"""The co-moving frame: how a free structure has moved as a whole, by its distributed mass.
+
+The rotation Q and centre that best fit the moved rods to the reference minimise int |Q (r_ref - c_ref) - (r - c)|^2 dm;
+for uniform rods the integral of the outer products is sum m (c c_ref' + q2 q2_ref'/12). Fitting nodes as points instead
+would show flexible modes as rotation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.elements import Potential
+from tensctl.statics import mass_centre
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Pose and rates of the co-moving frame.
+
+    Attributes
+    ----------
+    rotation : (3, 3), from the reference to the world
+    centre, reference_centre : (3,) m
+    velocity : (3,) m/s
+    spin : (3,) rad/s, in the world
+    """
+
+    rotation: Float[np.ndarray, "3 3"]
+    centre: Float[np.ndarray, " 3"]
+    reference_centre: Float[np.ndarray, " 3"]
+    velocity: Float[np.ndarray, " 3"]
+    spin: Float[np.ndarray, " 3"]
+
+    def nodes(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "nodes 3"]:
+        """Nodes as seen from the frame, beside the reference, m."""
+        return (nodes - self.centre) @ self.rotation + self.reference_centre
+
+    def velocities(
+        self, nodes: Float[np.ndarray, "nodes 3"], velocities: Float[np.ndarray, "nodes 3"]
+    ) -> Float[np.ndarray, "nodes 3"]:
+        """Node velocities as seen from the frame, m/s."""
+        carried = self.velocity + np.cross(self.spin, nodes - self.centre)
+        return (velocities - carried) @ self.rotation
+
+
+def best_fit(
+    potential: Potential,
+    reference: Float[np.ndarray, "nodes 3"],
+    nodes: Float[np.ndarray, "nodes 3"],
+    velocities: Float[np.ndarray, "nodes 3"],
+) -> Frame:
+    """Frame that moves with a free structure: Kabsch fit of the mass, mean velocity and mean spin."""
+    rods, mass = potential.structure.rods, potential.members.mass
+    c_ref, c_now = mass_centre(potential, reference), mass_centre(potential, nodes)
+    moments = _products(rods, mass, nodes - c_now, reference - c_ref)
+    left, _, right = np.linalg.svd(moments)
+    turn = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
+    rotation = left @ turn @ right
+    drift = mass_centre(potential, velocities)
+    shape = _products(rods, mass, nodes - c_now, nodes - c_now)
+    inertia = np.trace(shape) * np.eye(3) - shape
+    moving = _products(rods, mass, nodes - c_now, velocities - drift)
+    momentum = np.array([moving[1, 2] - moving[2, 1], moving[2, 0] - moving[0, 2], moving[0, 1] - moving[1, 0]])
+    return Frame(rotation, c_now, c_ref, drift, np.linalg.solve(inertia, momentum))
+
+
+def _products(rods: np.ndarray, mass: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Integral of a b' over the mass of the rods, (3, 3)."""
+    centres = 0.5 * (a[rods[:, 0]] + a[rods[:, 1]]), 0.5 * (b[rods[:, 0]] + b[rods[:, 1]])
+    vectors = a[rods[:, 1]] - a[rods[:, 0]], b[rods[:, 1]] - b[rods[:, 0]]
+    translation = np.einsum("r,ri,rj->ij", mass, *centres)
+    return translation + np.einsum("r,ri,rj->ij", mass / 12, *vectors)

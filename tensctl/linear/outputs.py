@@ -1,0 +1,94 @@
+"""What a linear model shows: node positions, tendon lengths and tensions to first order ([S] 5.22).
+
+    dp = J xi,   dl = n . (dp_head - dp_tail),   dT = (dT/dl) dl + c dl' + (dT/du) u,   slack tendons: dT = 0
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from tensctl.model import Dynamics
+from tensctl.statics import Equilibrium
+
+Output = Literal["nodes", "lengths", "tensions"]
+
+
+@dataclass(frozen=True, eq=False)
+class OutputMap:
+    """Outputs from tangent coordinates xi, their rates and the tendon shortenings u of all tendons.
+
+    Attributes
+    ----------
+    labels : tuple of str
+    position, rate : (ny, size)
+    feedthrough : (ny, nt)
+    """
+
+    labels: tuple[str, ...]
+    position: Float[np.ndarray, "ny size"]
+    rate: Float[np.ndarray, "ny size"]
+    feedthrough: Float[np.ndarray, "ny tendons"]
+
+
+def output_map(dynamics: Dynamics, equilibrium: Equilibrium, outputs: tuple[Output, ...]) -> OutputMap:
+    """Stack the maps of the outputs asked for."""
+    maps = [_MAPS[kind](dynamics, equilibrium) for kind in outputs]
+    size, count = equilibrium.potential.manifold.size, len(equilibrium.lengths)
+    return OutputMap(
+        labels=tuple(label for m in maps for label in m.labels),
+        position=np.vstack([np.zeros((0, size)), *(m.position for m in maps)]),
+        rate=np.vstack([np.zeros((0, size)), *(m.rate for m in maps)]),
+        feedthrough=np.vstack([np.zeros((0, count)), *(m.feedthrough for m in maps)]),
+    )
+
+
+def safe_label(label: str) -> str:
+    """A label that python-control takes: no dots."""
+    return label.replace(".", "_")
+
+
+def stretch_map(equilibrium: Equilibrium) -> sp.csr_array:
+    """Growth of each tendon's length per tangent coordinate, (nt, size)."""
+    tendons = equilibrium.structure.tendons
+    d = equilibrium.nodes[tendons[:, 1]] - equilibrium.nodes[tendons[:, 0]]
+    unit = d / np.where(equilibrium.lengths > 0, equilibrium.lengths, 1.0)[:, None]
+    rows = np.broadcast_to(np.arange(len(tendons))[:, None, None], (*tendons.shape, 3))
+    columns = 3 * tendons[:, :, None] + np.arange(3)
+    values = np.stack([-unit, unit], axis=1)
+    entries = (values.ravel(), (rows.ravel(), columns.ravel()))
+    difference = sp.coo_array(entries, shape=(len(tendons), equilibrium.nodes.size))
+    return sp.csr_array(sp.csr_array(difference) @ equilibrium.point.tangent)
+
+
+def _nodes(dynamics: Dynamics, equilibrium: Equilibrium) -> OutputMap:
+    structure = dynamics.structure
+    free = np.flatnonzero(~structure.pinned)
+    labels = tuple(f"{safe_label(structure.node_labels[a])}_{axis}" for a in free for axis in "xyz")
+    rows = (3 * free[:, None] + np.arange(3)).ravel()
+    position = equilibrium.point.tangent[rows].toarray()
+    return OutputMap(labels, position, 0 * position, np.zeros((rows.size, len(structure.tendons))))
+
+
+def _lengths(dynamics: Dynamics, equilibrium: Equilibrium) -> OutputMap:
+    labels = tuple(f"l_{safe_label(label)}" for label in dynamics.structure.tendon_labels)
+    position = stretch_map(equilibrium).toarray()
+    return OutputMap(labels, position, 0 * position, np.zeros((len(labels), len(labels))))
+
+
+def _tensions(dynamics: Dynamics, equilibrium: Equilibrium) -> OutputMap:
+    labels = tuple(f"T_{safe_label(label)}" for label in dynamics.structure.tendon_labels)
+    stretch, taut = stretch_map(equilibrium).toarray(), equilibrium.tensions > 0
+    rest, members = equilibrium.rest_lengths, dynamics.members
+    slope = np.where(taut, members.stiffness if members.law == "k" else members.stiffness / rest, 0.0)
+    # dT/du = -dT/dL: k for constant k, EA l / L^2 for constant EA.
+    through = slope if members.law == "k" else slope * equilibrium.lengths / rest
+    rate = (dynamics.damping * taut)[:, None] * stretch
+    return OutputMap(labels, slope[:, None] * stretch, rate, np.diag(through))
+
+
+_MAPS = {"nodes": _nodes, "lengths": _lengths, "tensions": _tensions}

@@ -1,0 +1,159 @@
+"""How a structure moves: q'' = explicit in q, q', u, w ([S] 5.21), as CasADi functions and as a compiled kernel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.elements import Potential
+from tensctl.model.damping import resolve_damping
+from tensctl.model.explain import Term, as_table, explain
+from tensctl.model.symbolic import SymbolicModel, coordinate_count, symbolic_model
+from tensctl.structure import Members, Structure
+
+if TYPE_CHECKING:
+    from tensctl.model.kernel import KernelData
+    from tensctl.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """Terms of a model, in or out; prints as a table."""
+
+    terms: tuple[Term, ...]
+
+    def __str__(self) -> str:
+        """The table as aligned text."""
+        return as_table(self.terms)
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    """The model of one scene. CasADi functions and kernel are built when first asked for.
+
+    Attributes
+    ----------
+    potential : Potential
+    damping : (nt,) N s/m
+    drag : float, N s/m on each rod end
+    """
+
+    potential: Potential
+    damping: Float[np.ndarray, " tendons"]
+    drag: float
+
+    @property
+    def structure(self) -> Structure:
+        """The structure that moves."""
+        return self.potential.structure
+
+    @property
+    def members(self) -> Members:
+        """Its materials, loads and inputs."""
+        return self.potential.members
+
+    @property
+    def damped(self) -> bool:
+        """Whether energy is lost."""
+        return bool(self.damping.any()) or self.drag > 0
+
+    @property
+    def input_labels(self) -> tuple[str, ...]:
+        """Labels of the acting tendons, in the order of u."""
+        return tuple(self.structure.tendon_labels[t] for t in self.members.inputs)
+
+    @cached_property
+    def symbolic(self) -> SymbolicModel:
+        """The CasADi functions f, y_p, y_l, y_f."""
+        return symbolic_model(self.potential, self.damping, self.drag)
+
+    @property
+    def f(self) -> ca.Function:
+        """(x, u, w) -> dx/dt."""
+        return self.symbolic.f
+
+    @property
+    def y_p(self) -> ca.Function:
+        """X -> node positions, (3N,) m ([S] 5.22)."""
+        return self.symbolic.y_p
+
+    @property
+    def y_l(self) -> ca.Function:
+        """X -> tendon lengths, (nt,) m."""
+        return self.symbolic.y_l
+
+    @property
+    def y_f(self) -> ca.Function:
+        """(x, u) -> tendon tensions, (nt,) N."""
+        return self.symbolic.y_f
+
+    @cached_property
+    def kernel(self) -> KernelData:
+        """Arrays for the compiled kernel."""
+        from tensctl.model.kernel import KernelData
+
+        structure, members, manifold = self.structure, self.members, self.potential.manifold
+        return KernelData(
+            tail=np.ascontiguousarray(structure.tendons[:, 0]),
+            head=np.ascontiguousarray(structure.tendons[:, 1]),
+            stiffness=members.stiffness,
+            by_strain=members.law == "EA",
+            damping=self.damping,
+            drag=float(self.drag),
+            rod_tail=np.ascontiguousarray(structure.rods[:, 0]),
+            rod_head=np.ascontiguousarray(structure.rods[:, 1]),
+            hold=manifold.hold,
+            anchor=structure.nodes,
+            mass=members.mass,
+            lengths=manifold.lengths,
+        )
+
+    def rod_coordinates(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "rods 6"]:
+        """(q1, q2) of every rod from node positions, or their rates from node velocities."""
+        tail, head = nodes[self.structure.rods[:, 0]], nodes[self.structure.rods[:, 1]]
+        return np.hstack([tail + head, head - tail])
+
+    def pack(
+        self, nodes: Float[np.ndarray, "nodes 3"], velocities: Float[np.ndarray, "nodes 3"] | None = None
+    ) -> Float[np.ndarray, " x"]:
+        """State x of the CasADi functions from nodes and node velocities (at rest by default)."""
+        rates = np.zeros_like(nodes) if velocities is None else velocities
+        keep = self._kept
+        return np.concatenate([self.rod_coordinates(nodes)[keep], self.rod_coordinates(rates)[keep]])
+
+    def unpack(self, x: Float[np.ndarray, " x"]) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes and node velocities, (N, 3) m and m/s, from a state x."""
+        size = coordinate_count(self.potential)
+        nodes = np.asarray(self.y_p(x)).reshape(-1, 3)
+        rates = np.asarray(self.y_p(np.concatenate([x[size:], np.zeros(size)]))).reshape(-1, 3)
+        still = np.asarray(self.y_p(np.zeros(2 * size))).reshape(-1, 3)
+        return nodes, rates - still
+
+    @cached_property
+    def _kept(self) -> np.ndarray:
+        hold = self.potential.manifold.hold
+        return np.column_stack([np.repeat((hold == 0)[:, None], 3, axis=1), np.repeat((hold != 3)[:, None], 3, axis=1)])
+
+    def explain(self) -> Explanation:
+        """Each term of the model, in or out, why, and its operation count."""
+        return Explanation(explain(self.potential, self.damping, self.drag))
+
+
+def build_dynamics(scene: Scene) -> Dynamics:
+    """Build the model of a scene; only what the scene has is in it.
+
+    Raises
+    ------
+    StructureError
+        A recipe or label that does not fit.
+    EquilibriumError
+        A damping ratio for a structure without a stable equilibrium.
+    """
+    potential = Potential.of(scene)
+    damping, drag = resolve_damping(potential)
+    return Dynamics(potential, damping, drag)

@@ -1,0 +1,83 @@
+"""What a model holds and what was left out, with the operations that each term costs or would have cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensctl.elements import Hold, Potential, tendon_tension
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of the model.
+
+    Attributes
+    ----------
+    name : str
+    included : bool
+    why : str
+    operations : int or None
+        Floating-point operations of one right-hand side that the term costs, or would have cost.
+    """
+
+    name: str
+    included: bool
+    why: str
+    operations: int | None
+
+
+def explain(potential: Potential, damping: np.ndarray, drag: float) -> tuple[Term, ...]:
+    """List each term of a scene's model, in or out, and why."""
+    structure, members = potential.structure, potential.members
+    hold = potential.manifold.hold
+    tendons, nodes = len(structure.tendons), len(structure.nodes)
+    elastic = tendon_tension(members.law, damped=False).n_instructions()
+    damper = tendon_tension(members.law, damped=True).n_instructions() - elastic
+    damped = int((damping > 0).sum())
+    held = int(np.isin(hold, (Hold.TAIL, Hold.HEAD)).sum())
+    grounded = structure.tendon_labels, structure.grounded_tendons
+    idle = [label for label, out in zip(*grounded, strict=True) if out]
+    loaded = bool(members.forces.any())
+    return (
+        Term("tendons", True, f"{tendons} tendons, law {members.law}, slack when short", tendons * elastic),
+        _term("dampers", damped, f"{damped} tendons are damped", "no damping is asked for", damper * tendons),
+        _term("drag", drag > 0, f"{drag:g} N s/m on each rod end", "no drag is asked for", 6 * nodes),
+        _term("weight and loads", loaded, "constant nodal forces", "no gravity, no loads", 3 * nodes),
+        _term(
+            "disturbance input w",
+            members.pushed.size,
+            f"{members.pushed.size} nodes are pushed",
+            "no push is asked for",
+            3 * max(1, int(members.pushed.size)),
+        ),
+        _term("rods turning about a pin", held, f"{held} rods", "no node is pinned", 30 * max(held, 1)),
+        Term("mass matrix", False, "accelerations are explicit in rod-end coordinates", None),
+        Term("multipliers", False, "no two rods share a node, so rod lengths hold by themselves", None),
+        Term(
+            "inputs",
+            True,
+            f"{members.inputs.size} of {tendons} tendons"
+            + (f"; between two pinned nodes, so no input: {', '.join(idle)}" if idle else "")
+            + _unactuated(potential),
+            None,
+        ),
+    )
+
+
+def _term(name: str, included: bool | int | np.integer, why: str, why_not: str, operations: int) -> Term:
+    return Term(name, bool(included), why if included else why_not, operations)
+
+
+def _unactuated(potential: Potential) -> str:
+    out = int((~potential.members.actuated).sum())
+    return f"; {out} tendons have no actuator" if out else ""
+
+
+def as_table(terms: tuple[Term, ...]) -> str:
+    """The terms as aligned plain text."""
+    rows = [("term", "in", "operations", "why")]
+    rows += [(t.name, "yes" if t.included else "no", str(t.operations or ""), t.why) for t in terms]
+    widths = [max(len(row[k]) for row in rows) for k in range(3)]
+    return "\n".join("  ".join([*(row[k].ljust(widths[k]) for k in range(3)), row[3]]).rstrip() for row in rows)

@@ -1,0 +1,139 @@
+"""The whole model as CasADi functions, assembled from the rod and tendon elements ([S] 5.21, 5.22).
+
+    x = (q, q'),   x' = f(x, u, w),   q stacks (q1, q2) of each free rod and q2 of each rod held at one end
+
+u shortens the acting tendons, L = L0 - u; w is the force on the pushed nodes. For structures of control size: the
+expression grows with the number of tendons. What a structure does not have (dampers, drag, loads, pushes, pinned ends)
+is not in the expression.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from tensctl.elements import Hold, Potential, rod_acceleration, tendon_tension
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicModel:
+    """CasADi functions of a structure.
+
+    Attributes
+    ----------
+    f : (x, u, w) -> dx/dt
+    y_p : x -> nodes (3N) m, [S] (5.22)
+    y_l : x -> tendon lengths (nt) m
+    y_f : (x, u) -> tendon tensions (nt) N
+    """
+
+    f: ca.Function
+    y_p: ca.Function
+    y_l: ca.Function
+    y_f: ca.Function
+
+
+@dataclass(frozen=True, eq=False)
+class _Symbols:
+    q: ca.SX
+    v: ca.SX
+    u: ca.SX
+    w: ca.SX
+
+    @property
+    def x(self) -> ca.SX:
+        return ca.vertcat(self.q, self.v)
+
+
+def coordinate_count(potential: Potential) -> int:
+    """Length of q: 6 for a free rod, 3 for a rod held at one end, 0 for one held at both."""
+    return int(np.select([potential.manifold.hold == 0, potential.manifold.hold == 3], [6, 0], 3).sum())
+
+
+def symbolic_model(potential: Potential, damping: np.ndarray, drag: float) -> SymbolicModel:
+    """Assemble the model.
+
+    Parameters
+    ----------
+    damping : (nt,) N s/m
+    drag : float, N s/m on each rod end
+    """
+    members = potential.members
+    size = coordinate_count(potential)
+    symbols = _Symbols(
+        ca.SX.sym("q", size),
+        ca.SX.sym("v", size),
+        ca.SX.sym("u", len(members.inputs)),
+        ca.SX.sym("w", 3 * len(members.pushed)),
+    )
+    anchors = [ca.SX(ca.DM(p)) for p in potential.structure.nodes]
+    nodes = _ends(potential, symbols.q, anchors)
+    velocities = _ends(potential, symbols.v, [ca.SX.zeros(3)] * len(nodes))
+    tensions, forces = _forces(potential, symbols, nodes, velocities, damping, drag)
+    acceleration = _accelerations(potential, symbols, forces)
+    lengths = [ca.norm_2(nodes[b] - nodes[a]) for a, b in potential.structure.tendons]
+    x = symbols.x
+    rate = ca.vertcat(symbols.v, *acceleration)
+    return SymbolicModel(
+        f=ca.Function("f", [x, symbols.u, symbols.w], [rate], ["x", "u", "w"], ["dx"]),
+        y_p=ca.Function("y_p", [x], [ca.vertcat(*nodes)], ["x"], ["p"]),
+        y_l=ca.Function("y_l", [x], [ca.vertcat(*lengths)], ["x"], ["l"]),
+        y_f=ca.Function("y_f", [x, symbols.u], [ca.vertcat(*tensions)], ["x", "u"], ["T"]),
+    )
+
+
+def _ends(potential: Potential, q: ca.SX, anchors: list) -> list:
+    """Node positions from q, or velocities from v with anchors at rest."""
+    nodes, at = list(anchors), 0
+    for (a, b), hold in zip(potential.manifold.rods, potential.manifold.hold, strict=True):
+        if hold == Hold.FREE:
+            nodes[a] = (q[at : at + 3] - q[at + 3 : at + 6]) / 2
+            nodes[b] = (q[at : at + 3] + q[at + 3 : at + 6]) / 2
+            at += 6
+        elif hold == Hold.TAIL:
+            nodes[b] = anchors[a] + q[at : at + 3]
+            at += 3
+        elif hold == Hold.HEAD:
+            nodes[a] = anchors[b] - q[at : at + 3]
+            at += 3
+    return nodes
+
+
+def _forces(potential, symbols, nodes, velocities, damping, drag) -> tuple[list, list]:
+    members = potential.members
+    forces = [ca.SX(ca.DM(f)) for f in members.forces]
+    for k, node in enumerate(members.pushed):
+        forces[node] = forces[node] + symbols.w[3 * k : 3 * k + 3]
+    if drag > 0:
+        forces = [f - drag * v for f, v in zip(forces, velocities, strict=True)]
+    shortening = dict(zip(members.inputs.tolist(), ca.vertsplit(symbols.u), strict=True)) if members.inputs.size else {}
+    tensions = []
+    for t, (a, b) in enumerate(potential.structure.tendons):
+        d, rest = nodes[b] - nodes[a], members.rest_lengths[t] - shortening.get(t, 0.0)
+        if damping[t] > 0:
+            rate = velocities[b] - velocities[a]
+            T = tendon_tension(members.law, damped=True)(d, rate, rest, members.stiffness[t], damping[t])
+        else:
+            T = tendon_tension(members.law, damped=False)(d, rest, members.stiffness[t])
+        square = ca.dot(d, d)
+        pull = T / ca.sqrt(ca.if_else(square > 0, square, 1.0)) * d
+        forces[a], forces[b] = forces[a] + pull, forces[b] - pull
+        tensions.append(T)
+    return tensions, forces
+
+
+def _accelerations(potential: Potential, symbols: _Symbols, forces: list) -> list:
+    result, at = [], 0
+    q, v, mass = symbols.q, symbols.v, potential.members.mass
+    for r, ((a, b), hold) in enumerate(zip(potential.manifold.rods, potential.manifold.hold, strict=True)):
+        if hold == Hold.FREE:
+            turn = slice(at + 3, at + 6)
+            result += rod_acceleration(Hold.FREE)(q[turn], v[turn], forces[a], forces[b], mass[r])
+            at += 6
+        elif hold != Hold.FIXED:
+            turn, end = slice(at, at + 3), forces[b] if hold == Hold.TAIL else forces[a]
+            result.append(rod_acceleration(Hold(hold))(q[turn], v[turn], end, mass[r]))
+            at += 3
+    return result

@@ -1,0 +1,195 @@
+"""Where a scene rests: the nodes at which tendons, loads, rods and ground balance ([S] 5.23, [W] section 3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.elements import Potential, PotentialPoint
+from tensctl.errors import EquilibriumError
+from tensctl.statics import balance
+from tensctl.statics.newton import Newton
+from tensctl.statics.stability import Spectrum, Stability, judge, spectrum
+from tensctl.structure import Structure
+
+if TYPE_CHECKING:
+    from tensctl.scene import Scene
+
+# Above this residual the nodes are no equilibrium.
+_ACCEPTABLE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A shape and prestress at rest; all other numbers are recomputed from nodes and rest lengths.
+
+    Attributes
+    ----------
+    potential : Potential
+        Structure, materials and loads.
+    nodes : (N, 3) m
+    rest_lengths : (nt,) m
+        L0 - u of every tendon.
+    iterations : int
+        Newton steps that found it.
+    """
+
+    potential: Potential
+    nodes: Float[np.ndarray, "nodes 3"]
+    rest_lengths: Float[np.ndarray, " tendons"]
+    iterations: int
+
+    @property
+    def structure(self) -> Structure:
+        """The structure that rests."""
+        return self.potential.structure
+
+    @cached_property
+    def point(self) -> PotentialPoint:
+        """The potential and its derivatives at the equilibrium."""
+        return self.potential.at(self.nodes, self.rest_lengths)
+
+    @cached_property
+    def lengths(self) -> Float[np.ndarray, " tendons"]:
+        """Tendon lengths, m."""
+        d = self.nodes[self.structure.tendons[:, 1]] - self.nodes[self.structure.tendons[:, 0]]
+        return np.linalg.norm(d, axis=1)
+
+    @property
+    def tensions(self) -> Float[np.ndarray, " tendons"]:
+        """Tendon tensions, N, >= 0."""
+        return self.point.terms.tensions
+
+    @property
+    def inputs(self) -> Float[np.ndarray, " inputs"]:
+        """Rest-length change u = L0 - L of the acting tendons, m, > 0 shortens."""
+        members = self.potential.members
+        return (members.rest_lengths - self.rest_lengths)[members.inputs]
+
+    @cached_property
+    def rod_forces(self) -> Float[np.ndarray, " rods"]:
+        """Axial rod forces, N, > 0 in compression."""
+        return balance.rod_forces(self.point)
+
+    @cached_property
+    def force_densities(self) -> Float[np.ndarray, " tendons"]:
+        """Tension over length of each tendon, gamma of [W], N/m."""
+        return self.tensions / np.where(self.lengths > 0, self.lengths, np.inf)
+
+    @cached_property
+    def rod_force_densities(self) -> Float[np.ndarray, " rods"]:
+        """Force over length of each rod, lambda of [W], N/m, > 0 in compression."""
+        return self.rod_forces / self.structure.rod_lengths
+
+    @property
+    def energy(self) -> float:
+        """Elastic energy less the work of loads since the initial nodes, J."""
+        return self.point.energy
+
+    @cached_property
+    def residual(self) -> float:
+        """Largest unbalanced nodal force on the manifold over the largest tension or load."""
+        return balance.residual(self.point)
+
+    @cached_property
+    def spectrum(self) -> Spectrum:
+        """Modes of vibration about the equilibrium."""
+        return spectrum(self.point)
+
+    @property
+    def omega2(self) -> Float[np.ndarray, " size"]:
+        """Squared natural frequencies, rad^2/s^2, ascending, rigid-body zeros included."""
+        return np.sort(self.spectrum.omega2)
+
+    @property
+    def smallest(self) -> float:
+        """Smallest eigenvalue that is no rigid-body motion, rad^2/s^2."""
+        return self.spectrum.smallest
+
+    @property
+    def tolerance(self) -> float:
+        """Size below which an eigenvalue is rounding, rad^2/s^2."""
+        return self.spectrum.tolerance
+
+    @cached_property
+    def stable(self) -> Stability:
+        """Yes, no, undecided, or "no prestress"; true only for yes."""
+        return judge(self.point, self.spectrum)
+
+    def verify(self, tol: float = _ACCEPTABLE) -> None:
+        """Check force balance and rod lengths against the structure.
+
+        Raises
+        ------
+        EquilibriumError
+            With the residual reached.
+        """
+        if not self.residual <= tol:
+            raise EquilibriumError(
+                f"the nodes are no equilibrium: {self.residual:.1e} of the largest force is left over, "
+                f"at most {tol:.0e} is expected."
+            )
+        stretch = np.abs(self.structure.rod_lengths - _rod_lengths(self)).max(initial=0.0)
+        size = self.structure.rod_lengths.max(initial=1.0)
+        if stretch > 1e-12 * size:
+            raise EquilibriumError(f"a rod changed its length by {stretch:.1e} m; rods are rigid.")
+
+
+def _rod_lengths(equilibrium: Equilibrium) -> np.ndarray:
+    ends = equilibrium.nodes[equilibrium.structure.rods]
+    return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+
+
+def find_equilibrium(
+    scene: Scene, *, start: Float[np.ndarray, "nodes 3"] | None = None, inputs: np.ndarray | None = None
+) -> Equilibrium:
+    """Find where a scene comes to rest.
+
+    Parameters
+    ----------
+    scene : Scene
+    start : (N, 3) array, m, optional
+        Nodes to start from, with the structure's rod lengths; the structure's own nodes by default.
+    inputs : (nu,) array, m, optional
+        Rest-length change u of the acting tendons; zero by default.
+
+    Returns
+    -------
+    Equilibrium
+        `stable` says whether it holds; with every tendon slack it is "no prestress".
+
+    Raises
+    ------
+    EquilibriumError
+        When no balance is reached, with the residual and what to try.
+    """
+    settings = scene.equilibrium
+    newton = Newton() if settings is None else Newton(settings.tol, settings.max_iterations)
+    return settle(Potential.of(scene), start=start, inputs=inputs, newton=newton)
+
+
+def settle(
+    potential: Potential,
+    *,
+    start: Float[np.ndarray, "nodes 3"] | None = None,
+    inputs: np.ndarray | None = None,
+    newton: Newton | None = None,
+) -> Equilibrium:
+    """`find_equilibrium` for a potential that is already built."""
+    newton = Newton() if newton is None else newton
+    rest = potential.members.rest_lengths.copy()
+    if inputs is not None:
+        rest[potential.members.inputs] -= inputs
+    nodes = potential.structure.nodes if start is None else np.asarray(start, float)
+    point, iterations = newton.minimise(potential, nodes, rest)
+    equilibrium = Equilibrium(potential, point.nodes, rest, iterations)
+    if not equilibrium.residual <= max(_ACCEPTABLE, newton.tol):
+        raise EquilibriumError(
+            f"no equilibrium was reached in {iterations} steps: {equilibrium.residual:.1e} of the largest force is "
+            "left over; check that loads are held by pins, or start nearer to the shape that is meant."
+        )
+    return equilibrium

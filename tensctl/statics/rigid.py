@@ -1,0 +1,114 @@
+"""Rigid-body motions that the ground allows.
+
+A rigid motion moves node p with v + omega x (p - c), c the mass centre; written in tangent coordinates of the rods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.elements import Potential
+
+_AXES = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotions:
+    """Rigid-body motions, orthonormal in the mass metric.
+
+    Attributes
+    ----------
+    basis : (size, r) tangent coordinates, 1/sqrt(kg)
+        basis' M basis = I.
+    names : r labels, `translation x`, `rotation z`, ...
+    """
+
+    basis: Float[np.ndarray, "size r"]
+    names: tuple[str, ...]
+
+
+def rigid_motions(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) -> RigidMotions:
+    """Rigid-body motions of the structure at the given nodes that leave pinned nodes where they are.
+
+    Without pins these are three translations and three rotations about the principal axes of inertia; each
+    rotation is named after the coordinate axis that it is nearest to.
+    """
+    manifold, members = potential.manifold, potential.members
+    mass = manifold.mass(members.mass)
+    centre = mass_centre(potential, nodes)
+    fields = _allowed(nodes, centre, potential.structure.pinned)
+    if fields.shape[1] == 0 or manifold.size == 0:
+        return RigidMotions(np.zeros((manifold.size, 0)), ())
+    motion = _nodal(nodes, centre) @ fields
+    coordinates = (manifold.tangent(nodes).T @ motion) * _inverse_weights(potential)[:, None]
+    free = not potential.structure.pinned.any()
+    basis, turned = _orthonormal(coordinates, mass, free)
+    return RigidMotions(basis, _names(fields @ turned))
+
+
+def mass_centre(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, " 3"]:
+    """Centre of mass of the rods, m."""
+    middles = nodes[potential.structure.rods].mean(axis=1)
+    return np.average(middles, axis=0, weights=potential.members.mass)
+
+
+def _nodal(nodes: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Nodal velocities of unit translations and unit rotations about the centre, (3N, 6)."""
+    motion = np.zeros((*nodes.shape, 6))
+    motion[:, :, :3] = np.eye(3)
+    for k in range(3):
+        motion[:, :, 3 + k] = np.cross(np.eye(3)[k], nodes - centre)
+    return motion.reshape(-1, 6)
+
+
+def _inverse_weights(potential: Potential) -> np.ndarray:
+    """(J'J)^-1, diagonal: a free rod has two ends, a held rod one."""
+    manifold = potential.manifold
+    weights = np.ones(manifold.size)
+    weights[manifold.centre_columns] = 0.5
+    both = manifold.hold[manifold.moving] == 0
+    weights[manifold.direction_columns] = np.where(both, 0.5, 1.0)[:, None]
+    return weights
+
+
+def _allowed(nodes: np.ndarray, centre: np.ndarray, pinned: np.ndarray) -> np.ndarray:
+    """Combinations of the six motions that move no pinned node, (6, r)."""
+    if not pinned.any():
+        return np.eye(6)
+    scale = np.ptp(nodes, axis=0).max()
+    units = np.array([1.0, 1.0, 1.0, 1 / scale, 1 / scale, 1 / scale])
+    held = _nodal(nodes, centre).reshape(*nodes.shape, 6)[pinned].reshape(-1, 6) * units
+    _, sizes, rows = np.linalg.svd(held, full_matrices=True)
+    rank = int((sizes > 1e-9 * sizes[0]).sum())
+    return units[:, None] * rows[rank:].T
+
+
+def _orthonormal(coordinates: np.ndarray, mass: np.ndarray, free: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Mass-orthonormal basis of the span, and how it is mixed from the given columns.
+
+    Translations of a free structure keep their axes; rotations become principal ones, so that both sets stay
+    square to each other in the mass metric.
+    """
+    gram = coordinates.T @ (mass[:, None] * coordinates)
+    mix = np.zeros_like(gram)
+    blocks = (slice(0, 3), slice(3, 6)) if free else (slice(0, len(gram)),)
+    for block in blocks:
+        moments, axes = np.linalg.eigh(gram[block, block])
+        keep = moments > 1e-12 * moments.max()
+        axes = axes[:, np.argsort(np.abs(axes).argmax(axis=0), kind="stable")] if keep.all() else axes
+        moments = np.einsum("ij,ik,kj->j", axes, gram[block, block], axes)
+        mix[block, block] = axes / np.sqrt(np.where(moments > 1e-12 * moments.max(), moments, np.inf))
+    mix = mix[:, np.abs(mix).max(axis=0) > 0]
+    return coordinates @ mix, mix
+
+
+def _names(fields: np.ndarray) -> tuple[str, ...]:
+    names = []
+    for v in fields.T:
+        turning = np.linalg.norm(v[3:]) > 1e-9 * np.linalg.norm(v)
+        part = v[3:] if turning else v[:3]
+        names.append(f"{'rotation' if turning else 'translation'} {_AXES[int(np.abs(part).argmax())]}")
+    return tuple(names)

@@ -1,0 +1,24 @@
+"""What is built: nodes, rods, tendons and the ground, from a recipe or by hand."""
+
+from tensctl.structure.build import build_structure
+from tensctl.structure.labels import by_label, matches, select
+from tensctl.structure.members import Law, Members, build_members
+from tensctl.structure.network import network
+from tensctl.structure.prism import prism
+from tensctl.structure.shell import shell
+from tensctl.structure.structure import Structure, lengths
+
+__all__ = [
+    "Law",
+    "Members",
+    "Structure",
+    "build_members",
+    "build_structure",
+    "by_label",
+    "lengths",
+    "matches",
+    "network",
+    "prism",
+    "select",
+    "shell",
+]

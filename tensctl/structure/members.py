@@ -1,0 +1,144 @@
+"""What the members are made of: one number a member, from the scene's numbers and tables by label."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from tensctl.errors import StructureError
+from tensctl.structure.labels import by_label, matches, select
+from tensctl.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from tensctl.scene import Scene
+
+Law = Literal["k", "EA"]
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Material, loads and actuation by member.
+
+    Attributes
+    ----------
+    mass : (nr,) kg
+    law : "k" or "EA"
+        Which of the two stays constant when the rest length moves.
+    stiffness : (nt,) N/m for law "k", N for law "EA"
+    rest_lengths : (nt,) m
+        L0, before any control.
+    floors : (nt,) m
+        Smallest rest length that a control may ask for.
+    damping : (nt,) N s/m
+    damping_ratio, drag_ratio : float or None
+        Fraction of critical of the lowest flexible mode; the model resolves it at the equilibrium.
+    drag : float, N s/m on each rod end
+    forces : (N, 3) N
+        Constant nodal forces: loads and weight.
+    gravity : (3,) m/s^2
+    inputs : (nu,) int
+        Tendons whose rest length a control may change and which move something.
+    pushed : (nw,) int
+        Nodes on which a disturbance acts.
+    """
+
+    mass: Float[np.ndarray, " rods"]
+    law: Law
+    stiffness: Float[np.ndarray, " tendons"]
+    rest_lengths: Float[np.ndarray, " tendons"]
+    floors: Float[np.ndarray, " tendons"]
+    damping: Float[np.ndarray, " tendons"]
+    damping_ratio: float | None
+    drag: float
+    drag_ratio: float | None
+    forces: Float[np.ndarray, "nodes 3"]
+    gravity: Float[np.ndarray, " 3"]
+    inputs: Int[np.ndarray, " inputs"]
+    actuated: Bool[np.ndarray, " tendons"]
+    pushed: Int[np.ndarray, " pushed"]
+
+    @property
+    def damped(self) -> bool:
+        """Whether anything in the structure takes energy out."""
+        ratios = (self.damping_ratio or 0.0, self.drag_ratio or 0.0)
+        return bool(self.damping.any()) or self.drag > 0 or any(ratios)
+
+
+def build_members(scene: Scene, structure: Structure) -> Members:
+    """Give every member its numbers.
+
+    Raises
+    ------
+    StructureError
+        A pattern that names nothing, or a member without a value.
+    """
+    tendons = scene.tendons
+    law: Law = "k" if tendons.EA is None else "EA"
+    given = tendons.stiffness if tendons.EA is None else tendons.EA
+    if given is None:
+        raise StructureError("tendons have neither stiffness nor EA; give one of them.")
+    rest = _rest_lengths(scene, structure)
+    damping_ratio = getattr(tendons.damping, "ratio", None)
+    drag = 0.0 if scene.drag is None else scene.drag.coefficient
+    drag_ratio = getattr(drag, "ratio", None)
+    gravity = _gravity(scene)
+    actuated = select(structure.tendon_labels, scene.actuators.tendons, "actuators.tendons")
+    mass = by_label(structure.rod_labels, scene.rods.mass, "rods.mass")
+    key = "stiffness" if law == "k" else "EA"
+    return Members(
+        mass=mass,
+        law=law,
+        stiffness=by_label(structure.tendon_labels, given, f"tendons.{key}"),
+        rest_lengths=rest,
+        floors=scene.actuators.floor * rest,
+        damping=np.zeros(len(rest))
+        if damping_ratio is not None
+        else by_label(structure.tendon_labels, tendons.damping, "tendons.damping", default=0.0),
+        damping_ratio=damping_ratio,
+        drag=0.0 if drag_ratio is not None else float(drag),
+        drag_ratio=drag_ratio,
+        forces=_forces(scene, structure, mass, gravity),
+        gravity=gravity,
+        inputs=np.flatnonzero(actuated & ~structure.grounded_tendons),
+        actuated=actuated,
+        pushed=_pushed(scene, structure),
+    )
+
+
+def _rest_lengths(scene: Scene, structure: Structure) -> np.ndarray:
+    tendons = scene.tendons
+    if tendons.rest_length is not None:
+        return by_label(structure.tendon_labels, tendons.rest_length, "tendons.rest_length")
+    ratio = by_label(structure.tendon_labels, tendons.rest_ratio, "tendons.rest_ratio")
+    rest = ratio * structure.tendon_lengths
+    if not (rest > 0).all():
+        label = structure.tendon_labels[int((rest <= 0).argmax())]
+        raise StructureError(
+            f"tendon {label} joins two nodes at the same place, so rest_ratio gives it rest length 0; "
+            "give its rest_length in m."
+        )
+    return rest
+
+
+def _gravity(scene: Scene) -> np.ndarray:
+    if scene.gravity is None:
+        return np.zeros(3)
+    g = scene.gravity.g
+    return np.array([0.0, 0.0, -g]) if np.isscalar(g) else np.array(g, float)
+
+
+def _forces(scene: Scene, structure: Structure, mass: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+    forces = np.zeros_like(structure.nodes)
+    for pattern, force in (scene.loads or {}).items():
+        forces[matches(structure.node_labels, pattern, "loads")] += force
+    np.add.at(forces, structure.rods, 0.5 * mass[:, None, None] * gravity)
+    return forces
+
+
+def _pushed(scene: Scene, structure: Structure) -> np.ndarray:
+    pushes = () if scene.simulation is None else scene.simulation.push
+    nodes = [matches(structure.node_labels, push.node, "simulation.push.node") for push in pushes]
+    return np.unique(np.array([i for found in nodes for i in found], int))

@@ -1,0 +1,140 @@
+"""A tensegrity structure: nodes, rigid rods, tendons and the nodes held by the ground.
+
+Member vectors point from tail to head: d = p_head - p_tail ([S] 2.1, [W] section 2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from tensctl.errors import StructureError
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """What is built: geometry and topology, no material.
+
+    Attributes
+    ----------
+    nodes : (N, 3) array, m
+        Initial node positions.
+    rods, tendons : (nr, 2), (nt, 2) int arrays
+        Node indices, tail then head.
+    node_labels, rod_labels, tendon_labels : tuples of str
+    pinned : (N,) bool array
+        Nodes held by the ground in every direction.
+    """
+
+    nodes: Float[np.ndarray, "nodes 3"]
+    rods: Int[np.ndarray, "rods 2"]
+    tendons: Int[np.ndarray, "tendons 2"]
+    node_labels: tuple[str, ...]
+    rod_labels: tuple[str, ...]
+    tendon_labels: tuple[str, ...]
+    pinned: Bool[np.ndarray, " nodes"]
+
+    @property
+    def rod_vectors(self) -> Float[np.ndarray, "rods 3"]:
+        """Rod vectors q2 = p2 - p1 ([S] Theorem 3.1), m."""
+        return self.nodes[self.rods[:, 1]] - self.nodes[self.rods[:, 0]]
+
+    @property
+    def rod_lengths(self) -> Float[np.ndarray, " rods"]:
+        """Rod lengths, m; rods are rigid, so these hold for ever."""
+        return np.linalg.norm(self.rod_vectors, axis=1)
+
+    @property
+    def tendon_lengths(self) -> Float[np.ndarray, " tendons"]:
+        """Tendon lengths at the initial nodes, m."""
+        return lengths(self.nodes, self.tendons)
+
+    @property
+    def grounded_tendons(self) -> Bool[np.ndarray, " tendons"]:
+        """Tendons between two pinned nodes: their length never changes, so they move nothing."""
+        return self.pinned[self.tendons].all(axis=1)
+
+    def as_recipe(self) -> dict:
+        """The structure as the scene's `kind = "network"`: tables by label, exact to the last bit."""
+        named = self.node_labels
+        return {
+            "kind": "network",
+            "nodes": {label: p.tolist() for label, p in zip(named, self.nodes, strict=True)},
+            "rods": _named_pairs(self.rod_labels, self.rods, named),
+            "tendons": _named_pairs(self.tendon_labels, self.tendons, named),
+            "pins": [label for label, held in zip(named, self.pinned, strict=True) if held],
+        }
+
+    def verify(self) -> None:
+        """Check the structure against the rules that every later stage relies on.
+
+        Raises
+        ------
+        StructureError
+            One sentence that names the first member that breaks a rule.
+        """
+        _check_finite(self)
+        _check_rods(self)
+        _check_tendons(self)
+        _check_nodes(self)
+
+
+def lengths(nodes: Float[np.ndarray, "nodes 3"], members: Int[np.ndarray, "members 2"]) -> np.ndarray:
+    """Member lengths, m, at the given nodes."""
+    return np.linalg.norm(nodes[members[:, 1]] - nodes[members[:, 0]], axis=1)
+
+
+def _named_pairs(labels, members, node_labels) -> dict[str, list[str]]:
+    return {label: [node_labels[a], node_labels[b]] for label, (a, b) in zip(labels, members, strict=True)}
+
+
+def _check_finite(structure: Structure) -> None:
+    bad = ~np.isfinite(structure.nodes).all(axis=1)
+    if bad.any():
+        i = int(bad.argmax())
+        raise StructureError(
+            f"node {structure.node_labels[i]} is at {structure.nodes[i].tolist()}; coordinates must be finite numbers in m."
+        )
+
+
+def _check_rods(structure: Structure) -> None:
+    size = np.ptp(structure.nodes, axis=0).max(initial=0.0)
+    for label, (a, b), length in zip(structure.rod_labels, structure.rods, structure.rod_lengths, strict=True):
+        if not length > 1e-12 * size:
+            names = f"{structure.node_labels[a]} and {structure.node_labels[b]}"
+            raise StructureError(
+                f"rod {label} has length {length:g} m between {names}; a rod needs two different places."
+            )
+
+
+def _check_tendons(structure: Structure) -> None:
+    seen: dict[frozenset[int], str] = {}
+    for label, (a, b) in zip(structure.tendon_labels, structure.tendons, strict=True):
+        ends = frozenset((int(a), int(b)))
+        if len(ends) == 1:
+            raise StructureError(
+                f"tendon {label} starts and ends at {structure.node_labels[a]}; give two different nodes."
+            )
+        if ends in seen:
+            raise StructureError(
+                f"tendons {seen[ends]} and {label} join the same two nodes; "
+                "give one tendon with the sum of both stiffnesses."
+            )
+        seen[ends] = label
+
+
+def _check_nodes(structure: Structure) -> None:
+    ends = np.bincount(structure.rods.ravel(), minlength=len(structure.nodes))
+    for label, count, held in zip(structure.node_labels, ends, structure.pinned, strict=True):
+        if count == 0 and not held:
+            raise StructureError(
+                f"node {label} belongs to no rod and is not pinned, so it has no mass; "
+                "end a rod there or pin it to the ground."
+            )
+        if count > 1 and not held:
+            raise StructureError(
+                f"node {label} ends {count} rods; joints between rods are not supported yet, "
+                "so give each rod its own two nodes."
+            )
