@@ -1,0 +1,25 @@
+"""How a structure is steered: Riccati equations, LQR, shape paths and predictive control."""
+
+from tensctl.synthesis.condensed import Condensed, Weights, condense
+from tensctl.synthesis.lqr import LQR, lqr
+from tensctl.synthesis.mpc import MPC, StepRecord
+from tensctl.synthesis.path import ShapePath, plan_shape
+from tensctl.synthesis.riccati import Riccati, care, dare
+from tensctl.synthesis.target import Height, shell_height
+
+__all__ = [
+    "LQR",
+    "MPC",
+    "Condensed",
+    "Height",
+    "Riccati",
+    "ShapePath",
+    "StepRecord",
+    "Weights",
+    "care",
+    "condense",
+    "dare",
+    "lqr",
+    "plan_shape",
+    "shell_height",
+]

@@ -1,0 +1,135 @@
+"""The MPC problem, condensed: states are eliminated, the inputs of the horizon remain.
+
+With e the state's and v the inputs' deviation from the reference, and rest lengths that ramp within a period,
+
+    (e, v)_(k+1) = A (e, v)_k + B v_(k+1),   cost  sum e'Q e + v'R v  +  (e, v)_N' P (e, v)_N
+    hard         lower <= v <= upper,  |change of the total input| <= rate_max dt
+    soft         T = T_ref + C e + D v >= tension_min at the end of every period
+
+P solves the discrete Riccati equation, so without active constraints the first input is the infinite-horizon optimum.
+Tension rows are divided by the stiffness: every row is in metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.linear import LinearModel, Sampled, sample_ramped
+from tensctl.synthesis.riccati import dare
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Stage weights: (2 energy)*energy + input_weight * sum k u^2, both in J, integrated over time."""
+
+    energy: float = 1.0
+    input: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Condensed:
+    """All matrices of the condensed QP; only vectors change from step to step.
+
+    Attributes
+    ----------
+    H : (N nu, N nu), J/m^2 s
+    from_state : (N nu, nx + nu)
+        f = from_state (e_0, v_0).
+    tension_rows, tension_from_state : maps of v and (e_0, v_0) to scaled tension deviations, (N nT, .) m
+    rows : (N nT + N nu, N nu)
+        Tension rows, then rate rows.
+    tension_scale : (nT,) N/m
+    tendons : (nT,)
+        Which tendons have a tension row.
+    """
+
+    horizon: int
+    sampled: Sampled
+    A: Float[np.ndarray, "n n"]
+    B: Float[np.ndarray, "n nu"]
+    Q: Float[np.ndarray, "n n"]
+    R: Float[np.ndarray, "nu nu"]
+    P: Float[np.ndarray, "n n"]
+    K: Float[np.ndarray, "nu n"]
+    riccati_residual: float
+    tension: Float[np.ndarray, "nT n"]
+    tendons: np.ndarray
+    tension_scale: Float[np.ndarray, " nT"]
+    H: np.ndarray
+    from_state: np.ndarray
+    tension_from_state: np.ndarray
+    rows: np.ndarray
+
+
+def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> Condensed:
+    """Build the condensed problem of a flexible linear model.
+
+    Raises
+    ------
+    SynthesisError
+        When the discrete Riccati equation of the terminal weight has no solution.
+    """
+    nx, nu = linear.B.shape
+    sampled = sample_ramped(linear.A, linear.B, dt)
+    A, B = sampled.with_input_state()
+    Q = np.zeros((nx + nu, nx + nu))
+    Q[:nx, :nx] = weights.energy * dt * np.eye(nx)
+    R = weights.input * dt * np.diag(input_stiffness(linear))
+    terminal = dare(A, B, Q, R)
+    tension, tendons, scale = _tension(linear)
+    free, forced = _predict(A, B, horizon)
+    weighted = _stage_weights(Q, terminal.X, horizon) @ forced
+    stacked, weighted = forced.reshape(-1, horizon * nu), weighted.reshape(-1, horizon * nu)
+    H = stacked.T @ weighted + np.kron(np.eye(horizon), R)
+    tension_rows = (tension @ forced).reshape(-1, horizon * nu)
+    rate_rows = np.kron(np.eye(horizon) - np.eye(horizon, k=-1), np.eye(nu))
+    return Condensed(
+        horizon=horizon, sampled=sampled, A=A, B=B, Q=Q, R=R, P=terminal.X, K=terminal.K,
+        riccati_residual=terminal.residual, tension=tension, tendons=tendons, tension_scale=scale,
+        H=0.5 * (H + H.T),
+        from_state=weighted.T @ free.reshape(-1, nx + nu),
+        tension_from_state=(tension @ free).reshape(-1, nx + nu),
+        rows=np.vstack([tension_rows, rate_rows]),
+    )  # fmt: skip
+
+
+def input_stiffness(linear: LinearModel) -> Float[np.ndarray, " nu"]:
+    """Stiffness of each acting tendon, N/m: the natural unit of cost for changing its rest length."""
+    members = linear.dynamics.members
+    stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
+    return stiffness[members.inputs]
+
+
+def _tension(linear: LinearModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scaled tension map of (e, v), the tendons it speaks of (taut, not between pins) and their scale."""
+    from tensctl.linear.outputs import output_map
+
+    structure, members = linear.dynamics.structure, linear.dynamics.members
+    kept = np.flatnonzero((linear.equilibrium.tensions > 0) & ~structure.grounded_tendons)
+    shown = LinearModel(
+        linear.dynamics, linear.equilibrium, linear.modes,
+        output_map(linear.dynamics, linear.equilibrium, ("tensions",)),
+    )  # fmt: skip
+    scale = members.stiffness[kept] / (1.0 if members.law == "k" else members.rest_lengths[kept])
+    return np.hstack([shown.C, shown.D])[kept] / scale[:, None], kept, scale
+
+
+def _predict(A: np.ndarray, B: np.ndarray, horizon: int) -> tuple[np.ndarray, np.ndarray]:
+    """States of stages 1..N from the start, (N, n, n), and from the stacked inputs, (N, n, N nu)."""
+    n, nu = B.shape
+    free, forced = np.empty((horizon, n, n)), np.zeros((horizon, n, horizon * nu))
+    state, drive = np.eye(n), np.zeros((n, horizon * nu))
+    for k in range(horizon):
+        state, drive = A @ state, A @ drive
+        drive[:, k * nu : (k + 1) * nu] = B
+        free[k], forced[k] = state, drive
+    return free, forced
+
+
+def _stage_weights(Q: np.ndarray, P: np.ndarray, horizon: int) -> np.ndarray:
+    weights = np.broadcast_to(Q, (horizon, *Q.shape)).copy()
+    weights[-1] = P
+    return weights

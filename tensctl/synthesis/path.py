@@ -1,0 +1,199 @@
+"""A shape path: equilibria from one shape to another, over time.
+
+Heights rise with the minimum-jerk profile s = 10 r^3 - 15 r^4 + 6 r^5, r = (t - start)/duration; between the planned
+equilibria rest lengths and nodes follow cubic splines, nodes on the rods' manifold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+from tensctl.statics import Equilibrium, find_equilibrium
+from tensctl.synthesis.shape import ShapeProblem
+from tensctl.synthesis.target import height_scale, shell_height
+
+if TYPE_CHECKING:
+    from tensctl.scene import Scene
+
+# Planned equilibria along the way, the first and last included. With 9, the spline between two of them is within
+# 1e-5 N of balance on the (3,1) mast that grows by a fifth.
+_KNOTS = 9
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePath:
+    """Planned equilibria and when to be there.
+
+    Attributes
+    ----------
+    equilibria : tuple of Equilibrium
+        At equal steps of height, first to last.
+    start, duration : float, s
+    description : str
+    """
+
+    equilibria: tuple[Equilibrium, ...]
+    start: float
+    duration: float
+    description: str
+
+    @property
+    def time(self) -> Float[np.ndarray, " k"]:
+        """Times at which the planned equilibria are reached, s."""
+        wanted = np.linspace(0, 1, len(self.equilibria))
+        fine = np.linspace(0, 1, 4001)
+        return self.start + self.duration * np.interp(wanted, _profile(fine), fine)
+
+    @property
+    def nodes(self) -> Float[np.ndarray, "k nodes 3"]:
+        """Planned nodes, m."""
+        return np.stack([e.nodes for e in self.equilibria])
+
+    @property
+    def tensions(self) -> Float[np.ndarray, "k tendons"]:
+        """Planned tensions, N."""
+        return np.stack([e.tensions for e in self.equilibria])
+
+    @property
+    def rest_lengths(self) -> Float[np.ndarray, "k tendons"]:
+        """Planned rest lengths, m."""
+        return np.stack([e.rest_lengths for e in self.equilibria])
+
+    @property
+    def target(self) -> Equilibrium:
+        """The last equilibrium."""
+        return self.equilibria[-1]
+
+    @property
+    def target_nodes(self) -> Float[np.ndarray, "nodes 3"]:
+        """The wanted nodes, m."""
+        return self.target.nodes
+
+    def progress(self, t: float | np.ndarray) -> np.ndarray:
+        """How much of the way is done at time t, 0 to 1."""
+        return _profile(np.clip((np.asarray(t, float) - self.start) / self.duration, 0.0, 1.0))
+
+    def inputs_at(self, t: float | np.ndarray) -> np.ndarray:
+        """Reference rest-length change u, (nu,) or (..., nu) m."""
+        return self._inputs(self.progress(t))
+
+    def tensions_at(self, t: float | np.ndarray) -> np.ndarray:
+        """Reference tensions, (nt,) or (..., nt) N."""
+        return self._tensions(self.progress(t))
+
+    def nodes_at(self, t: float) -> Float[np.ndarray, "nodes 3"]:
+        """Reference nodes, m, with exact rod lengths."""
+        manifold = self.target.potential.manifold
+        return manifold.retract(self.equilibria[0].nodes, self._chart(self.progress(t)))
+
+    def velocities_at(self, t: float, step: float = 1e-5) -> Float[np.ndarray, "nodes 3"]:
+        """Reference node velocities, m/s."""
+        return (self.nodes_at(t + step) - self.nodes_at(t - step)) / (2 * step)
+
+    def knot_at(self, t: float) -> int:
+        """Index of the planned equilibrium nearest to the reference."""
+        return int(np.rint(float(self.progress(t)) * (len(self.equilibria) - 1)))
+
+    @cached_property
+    def fastest(self) -> float:
+        """Largest speed of a reference rest length, m/s."""
+        t = self.start + self.duration * np.linspace(0, 1, 401)
+        return float(np.abs(np.diff(self.inputs_at(t), axis=0)).max(initial=0.0) / (t[1] - t[0]))
+
+    @cached_property
+    def _inputs(self):
+        return _spline(np.stack([e.inputs for e in self.equilibria]))
+
+    @cached_property
+    def _tensions(self):
+        return _spline(self.tensions)
+
+    @cached_property
+    def _chart(self):
+        manifold, first = self.target.potential.manifold, self.equilibria[0].nodes
+        return _spline(np.stack([manifold.logarithm(first, e.nodes) for e in self.equilibria]))
+
+    def verify(self, tension_min: float = 0.0) -> None:
+        """Check that every planned equilibrium balances, holds and keeps its tensions.
+
+        Raises
+        ------
+        SynthesisError, EquilibriumError
+            With the first that fails.
+        """
+        for k, equilibrium in enumerate(self.equilibria):
+            equilibrium.verify()
+            kept = ~equilibrium.structure.grounded_tendons
+            lowest = equilibrium.tensions[kept].min(initial=np.inf)
+            if not equilibrium.stable or (k > 0 and lowest < tension_min * (1 - 1e-6)):
+                raise SynthesisError(
+                    f"planned shape {k} is {equilibrium.stable}, its lowest tension {lowest:.3g} N; "
+                    f"stable and at least {tension_min:g} N are expected."
+                )
+
+
+def plan_shape(
+    scene: Scene,
+    target: float | None = None,
+    *,
+    start: Equilibrium | None = None,
+    tension_min: float | None = None,
+    rate_max: float | None = None,
+) -> ShapePath:
+    """Plan the equilibria that lead to a new shape, with the least change of rest lengths.
+
+    Parameters
+    ----------
+    scene : Scene
+        `[target]` gives `height_scale`, `start` and `duration`; `[mpc]` gives `tension_min` and `rate_max`.
+    target : float, optional
+        Height over the equilibrium's height; the scene's `height_scale` by default.
+    start : Equilibrium, optional
+        Where the path begins; the scene's equilibrium by default.
+    tension_min : float, N, optional
+    rate_max : float, m/s, optional
+
+    Raises
+    ------
+    SynthesisError
+        A shape out of reach, or a duration too short for the rate limit.
+    """
+    start = find_equilibrium(scene) if start is None else start
+    if not start.stable:
+        raise SynthesisError(f"a path starts from a stable equilibrium, and this one is: {start.stable}.")
+    scale, height = height_scale(scene, target), shell_height(start.structure)
+    if tension_min is None:
+        tension_min = 0.0 if scene.mpc is None else scene.mpc.tension_min
+    if rate_max is None and scene.mpc is not None:
+        rate_max = scene.mpc.rate_max
+    problem, before = ShapeProblem(height, tension_min), height.of(start.nodes)
+    equilibria = [start]
+    for share in np.linspace(0, 1, _KNOTS)[1:]:
+        equilibria.append(problem.solve(equilibria[-1], before * (1 + share * (scale - 1))))
+    begin = 0.0 if scene.target is None else scene.target.start
+    duration = 3.0 if scene.target is None else scene.target.duration
+    text = f"height {before:.4f} m to {before * scale:.4f} m, least rest-length change"
+    path = ShapePath(tuple(equilibria), begin, duration, text)
+    if rate_max is not None and path.fastest > rate_max:
+        needed = duration * path.fastest / rate_max
+        raise SynthesisError(
+            f"target.duration = {duration:g} s makes a rest length change at {path.fastest:.3g} m/s, above "
+            f"rate_max = {rate_max:g} m/s; allow {needed:.3g} s or more."
+        )
+    return path
+
+
+def _profile(r: np.ndarray) -> np.ndarray:
+    return r**3 * (10 - 15 * r + 6 * r**2)
+
+
+def _spline(values: np.ndarray):
+    from scipy.interpolate import CubicSpline
+
+    return CubicSpline(np.linspace(0, 1, len(values)), values, axis=0)

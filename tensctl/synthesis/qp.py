@@ -1,0 +1,97 @@
+"""The quadratic programme and its own judge.
+
+    minimise  z'Hz/2 + f'z   subject to  lower <= (z, A z) <= upper
+
+Bounds come first for the variables, then for the rows of A. Multipliers y > 0 belong to upper, y < 0 to lower bounds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, eq=False)
+class QP:
+    """One quadratic programme with positive definite H.
+
+    Attributes
+    ----------
+    H : (n, n)
+    f : (n,)
+    A : (r, n)
+    lower, upper : (n + r,)
+    """
+
+    H: Float[np.ndarray, "n n"]
+    f: Float[np.ndarray, " n"]
+    A: Float[np.ndarray, "r n"]
+    lower: Float[np.ndarray, " n_plus_r"]
+    upper: Float[np.ndarray, " n_plus_r"]
+
+    def objective(self, z: Float[np.ndarray, " n"]) -> float:
+        """Value at z."""
+        return float(0.5 * z @ self.H @ z + self.f @ z)
+
+    def violation(self, z: Float[np.ndarray, " n"]) -> float:
+        """Largest amount by which z breaks a bound, in the bound's unit."""
+        values = np.concatenate([z, self.A @ z])
+        return float(max((self.lower - values).max(), (values - self.upper).max(), 0.0))
+
+    def kkt_residual(self, z: Float[np.ndarray, " n"], y: Float[np.ndarray, " n_plus_r"]) -> float:
+        """How far (z, y) is from optimal, recomputed from the problem's data; 0 is exact.
+
+        The largest of: stationarity over the largest of its terms, violated bounds and multipliers on inactive
+        bounds, each over the size of what it is measured against.
+        """
+        n = self.f.size
+        values = np.concatenate([z, self.A @ z])
+        pull = self.H @ z
+        push = y[:n] + self.A.T @ y[n:]
+        scale = max(np.abs(pull).max(), np.abs(self.f).max(), np.abs(push).max(), 1e-300)
+        stationary = np.abs(pull + self.f + push).max() / scale
+        reach = max(np.abs(values).max(), 1e-300)
+        above, below = np.maximum(y, 0.0), np.maximum(-y, 0.0)
+        gaps = np.where(y > 0, self.upper - values, values - self.lower)
+        slack = np.where((above > 0) | (below > 0), np.abs(y) * np.minimum(np.abs(gaps), reach), 0.0)
+        size = max(np.abs(y).max(), scale)
+        return float(max(stationary, self.violation(z) / reach, slack.max() / (size * reach)))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a solver returned; `status` is its word, `kkt` is ours.
+
+    Attributes
+    ----------
+    z : (n,) or None when there is no answer
+    y : (n + r,) multipliers
+    status : "solved", "infeasible" or "failed"
+    kkt : float
+        Recomputed KKT residual.
+    """
+
+    z: Float[np.ndarray, " n"] | None
+    y: Float[np.ndarray, " n_plus_r"] | None
+    status: str
+    kkt: float
+
+
+class Solver(Protocol):
+    """A solver set up for one H and A; f and bounds change from call to call."""
+
+    name: str
+
+    def solve(self, qp: QP) -> Solution:
+        """Solve with the H and A of the set-up."""
+        ...
+
+
+def judged(qp: QP, z: np.ndarray | None, y: np.ndarray | None, status: str) -> Solution:
+    """A solution with its recomputed residual."""
+    if z is None or y is None or not (np.isfinite(z).all() and np.isfinite(y).all()):
+        return Solution(None, None, status if status == "infeasible" else "failed", np.inf)
+    return Solution(z, y, status, qp.kkt_residual(z, y))

@@ -1,0 +1,72 @@
+"""The MPC problem stated once more, in cvxpy, with states as variables: the check on the condensed form.
+
+Nothing is shared with the condensed matrices but A, B, Q, R, P and the tension map, so an error in condensing, scaling
+or bounds shows as a difference of optima.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensctl.synthesis.condensed import Condensed
+
+
+def reference_optimum(
+    problem: Condensed,
+    start: np.ndarray,
+    tension_margin: np.ndarray,
+    input_lower: np.ndarray,
+    input_upper: np.ndarray,
+    change_lower: np.ndarray,
+    change_upper: np.ndarray,
+) -> tuple[float, np.ndarray]:
+    """Solve the sparse problem with Clarabel through cvxpy.
+
+    Parameters
+    ----------
+    start : (nx + nu,)
+        (e_0, v_0).
+    tension_margin : (N, nT) m
+        Scaled T_ref - tension_min of each stage.
+    input_lower, input_upper : (N, nu) m
+        Bounds of v.
+    change_lower, change_upper : (N, nu) m
+        Bounds of v_(k+1) - v_k.
+
+    Returns
+    -------
+    cost : float
+        Optimum of the condensed objective plus the constant that condensing drops.
+    inputs : (N, nu) m
+    """
+    import cvxpy as cp
+
+    n, nu = problem.B.shape
+    N, (Lq, Lp, Lr) = problem.horizon, (_root(M) for M in (problem.Q, problem.P, problem.R))
+    s, v = cp.Variable((N + 1, n)), cp.Variable((N, nu))
+    before = [start[n - nu :], *(v[k] for k in range(N - 1))]
+    limits: list = [s[0] == start]
+    cost = 0
+    for k in range(N):
+        weight = Lp if k == N - 1 else Lq
+        cost += cp.sum_squares(weight @ s[k + 1]) / 2 + cp.sum_squares(Lr @ v[k]) / 2
+        limits += [
+            s[k + 1] == problem.A @ s[k] + problem.B @ v[k],
+            problem.tension @ s[k + 1] + tension_margin[k] >= 0,
+            v[k] - before[k] >= change_lower[k],
+            v[k] - before[k] <= change_upper[k],
+        ]
+    limits += [v[i, j] >= input_lower[i, j] for i, j in zip(*np.nonzero(np.isfinite(input_lower)), strict=True)]
+    limits.append(v <= input_upper)
+    statement = cp.Problem(cp.Minimize(cost), limits)
+    statement.solve(
+        solver=cp.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12, tol_ktratio=1e-12
+    )
+    if v.value is None:
+        return np.inf, np.full((N, nu), np.nan)
+    return float(statement.value), np.asarray(v.value)
+
+
+def _root(M: np.ndarray) -> np.ndarray:
+    values, vectors = np.linalg.eigh(M)
+    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T

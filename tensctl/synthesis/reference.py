@@ -1,0 +1,55 @@
+"""What a predictive controller follows: a planned path, or one equilibrium held for ever."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.statics import Equilibrium
+
+
+class Reference(Protocol):
+    """Nodes, velocities, rest-length changes and tensions over time."""
+
+    equilibria: tuple[Equilibrium, ...]
+
+    def inputs_at(self, t: float | np.ndarray) -> np.ndarray: ...
+    def tensions_at(self, t: float | np.ndarray) -> np.ndarray: ...
+    def nodes_at(self, t: float) -> np.ndarray: ...
+    def velocities_at(self, t: float) -> np.ndarray: ...
+    def knot_at(self, t: float) -> int: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Hold:
+    """One equilibrium for ever."""
+
+    equilibrium: Equilibrium
+
+    @property
+    def equilibria(self) -> tuple[Equilibrium, ...]:
+        """The one equilibrium."""
+        return (self.equilibrium,)
+
+    def inputs_at(self, t: float | np.ndarray) -> np.ndarray:
+        """The same inputs at every time, m."""
+        return np.broadcast_to(self.equilibrium.inputs, (*np.shape(t), self.equilibrium.inputs.size))
+
+    def tensions_at(self, t: float | np.ndarray) -> np.ndarray:
+        """The same tensions at every time, N."""
+        return np.broadcast_to(self.equilibrium.tensions, (*np.shape(t), self.equilibrium.tensions.size))
+
+    def nodes_at(self, t: float) -> Float[np.ndarray, "nodes 3"]:
+        """The same nodes at every time, m."""
+        return self.equilibrium.nodes
+
+    def velocities_at(self, t: float) -> Float[np.ndarray, "nodes 3"]:
+        """At rest."""
+        return np.zeros_like(self.equilibrium.nodes)
+
+    def knot_at(self, t: float) -> int:
+        """The only one."""
+        return 0
