@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from tensctl.errors import StructureError
+from tensctl.scene import Ratio
 from tensctl.structure.labels import by_label, matches, select
 from tensctl.structure.structure import Structure
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from tensctl.scene import Scene
 
 Law = Literal["k", "EA"]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,8 @@ class Members:
     gravity : (3,) m/s^2
     inputs : (nu,) int
         Tendons whose rest length a control may change and which move something.
+    actuated : (nt,) bool
+        Tendons that have an actuator, acting or not.
     pushed : (nw,) int
         Nodes on which a disturbance acts.
     """
@@ -81,9 +85,8 @@ def build_members(scene: Scene, structure: Structure) -> Members:
     if given is None:
         raise StructureError("tendons have neither stiffness nor EA; give one of them.")
     rest = _rest_lengths(scene, structure)
-    damping_ratio = getattr(tendons.damping, "ratio", None)
-    drag = 0.0 if scene.drag is None else scene.drag.coefficient
-    drag_ratio = getattr(drag, "ratio", None)
+    damping, damping_ratio = _coefficient_or_ratio(tendons.damping)
+    drag, drag_ratio = _coefficient_or_ratio(0.0 if scene.drag is None else scene.drag.coefficient)
     gravity = _gravity(scene)
     actuated = select(structure.tendon_labels, scene.actuators.tendons, "actuators.tendons")
     mass = by_label(structure.rod_labels, scene.rods.mass, "rods.mass")
@@ -94,11 +97,9 @@ def build_members(scene: Scene, structure: Structure) -> Members:
         stiffness=by_label(structure.tendon_labels, given, f"tendons.{key}"),
         rest_lengths=rest,
         floors=scene.actuators.floor * rest,
-        damping=np.zeros(len(rest))
-        if damping_ratio is not None
-        else by_label(structure.tendon_labels, tendons.damping, "tendons.damping", default=0.0),
+        damping=by_label(structure.tendon_labels, damping, "tendons.damping", default=0.0),
         damping_ratio=damping_ratio,
-        drag=0.0 if drag_ratio is not None else float(drag),
+        drag=drag,
         drag_ratio=drag_ratio,
         forces=_forces(scene, structure, mass, gravity),
         gravity=gravity,
@@ -108,10 +109,17 @@ def build_members(scene: Scene, structure: Structure) -> Members:
     )
 
 
+def _coefficient_or_ratio(given: T | Ratio) -> tuple[T | float, float | None]:
+    """The coefficient and no ratio, or no coefficient yet and the ratio."""
+    return (0.0, given.ratio) if isinstance(given, Ratio) else (given, None)
+
+
 def _rest_lengths(scene: Scene, structure: Structure) -> np.ndarray:
     tendons = scene.tendons
     if tendons.rest_length is not None:
         return by_label(structure.tendon_labels, tendons.rest_length, "tendons.rest_length")
+    if tendons.rest_ratio is None:
+        raise StructureError("tendons have neither rest_ratio nor rest_length; give one of them.")
     ratio = by_label(structure.tendon_labels, tendons.rest_ratio, "tendons.rest_ratio")
     rest = ratio * structure.tendon_lengths
     if not (rest > 0).all():
@@ -127,7 +135,7 @@ def _gravity(scene: Scene) -> np.ndarray:
     if scene.gravity is None:
         return np.zeros(3)
     g = scene.gravity.g
-    return np.array([0.0, 0.0, -g]) if np.isscalar(g) else np.array(g, float)
+    return np.array([0.0, 0.0, -g]) if isinstance(g, float | int) else np.array(g, float)
 
 
 def _forces(scene: Scene, structure: Structure, mass: np.ndarray, gravity: np.ndarray) -> np.ndarray:

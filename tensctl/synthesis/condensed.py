@@ -44,6 +44,8 @@ class Condensed:
     tension_scale : (nT,) N/m
     tendons : (nT,)
         Which tendons have a tension row.
+    offset : (nx + nu, nx + nu)
+        Half its quadratic form in (e_0, v_0) is the constant part of the cost.
     """
 
     horizon: int
@@ -62,6 +64,11 @@ class Condensed:
     from_state: np.ndarray
     tension_from_state: np.ndarray
     rows: np.ndarray
+    offset: Float[np.ndarray, "n n"]
+
+    def constant(self, start: Float[np.ndarray, " n"]) -> float:
+        """The part of the cost that no input changes, which the condensed objective drops."""
+        return float(0.5 * start @ self.offset @ start)
 
 
 def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> Condensed:
@@ -81,7 +88,8 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> 
     terminal = dare(A, B, Q, R)
     tension, tendons, scale = _tension(linear)
     free, forced = _predict(A, B, horizon)
-    weighted = _stage_weights(Q, terminal.X, horizon) @ forced
+    stages = _stage_weights(Q, terminal.X, horizon)
+    weighted = stages @ forced
     stacked, weighted = forced.reshape(-1, horizon * nu), weighted.reshape(-1, horizon * nu)
     H = stacked.T @ weighted + np.kron(np.eye(horizon), R)
     tension_rows = (tension @ forced).reshape(-1, horizon * nu)
@@ -93,6 +101,7 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> 
         from_state=weighted.T @ free.reshape(-1, nx + nu),
         tension_from_state=(tension @ free).reshape(-1, nx + nu),
         rows=np.vstack([tension_rows, rate_rows]),
+        offset=np.einsum("kji,kjl->il", free, stages @ free),
     )  # fmt: skip
 
 

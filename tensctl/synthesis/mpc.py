@@ -163,6 +163,16 @@ class MPC:
         self.records.append(StepRecord(t, status, perf_counter() - began, kkt, relaxed))
         return command
 
+    def statement(self, t: float, measurement: Measured) -> tuple[Condensed, Limits, QP]:
+        """The problem of one step in full, without solving it."""
+        problem = self._piece(self.reference.knot_at(t)).problem
+        limits = self.limits(t, measurement)
+        return problem, limits, self.assemble(problem, limits)
+
+    def solve(self, t: float, measurement: Measured) -> Float[np.ndarray, "N nu"]:
+        """The plan of one step, deviations from the reference, m; leaves the controller as it is."""
+        return self._solve(self._piece(self.reference.knot_at(t)), self.limits(t, measurement))[0]
+
     def limits(self, t: float, measurement: Measured) -> Limits:
         """Start and bounds of the problem at time t."""
         piece = self._piece(self.reference.knot_at(t))

@@ -1,0 +1,110 @@
+"""tensctl: control design for tensegrity structures, from one scene to a controlled shell and its report.
+
+Public names load on first use: `import tensctl` itself imports none of the numerical libraries.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from tensctl.accuracy import work_precision
+    from tensctl.analysis import ModalReport, controllability, observability
+    from tensctl.errors import (
+        EquilibriumError,
+        LinearizationError,
+        OutputError,
+        SceneError,
+        SimulationError,
+        StructureError,
+        SynthesisError,
+        TensctlError,
+    )
+    from tensctl.linear import LinearModel, linearize
+    from tensctl.model import Dynamics, build_dynamics
+    from tensctl.pipeline import run
+    from tensctl.scene import Scene, load_scene
+    from tensctl.simulation import Measurement, Push, Run, simulate
+    from tensctl.statics import Equilibrium, Stability, find_equilibrium
+    from tensctl.structure import Structure, build_structure, network, prism, shell
+    from tensctl.synthesis import LQR, MPC, ShapePath, lqr, plan_shape
+
+_HOME = {
+    "tensctl.accuracy": ("work_precision",),
+    "tensctl.analysis": ("ModalReport", "controllability", "observability"),
+    "tensctl.errors": (
+        "EquilibriumError",
+        "LinearizationError",
+        "OutputError",
+        "SceneError",
+        "SimulationError",
+        "StructureError",
+        "SynthesisError",
+        "TensctlError",
+    ),
+    "tensctl.linear": ("LinearModel", "linearize"),
+    "tensctl.model": ("Dynamics", "build_dynamics"),
+    "tensctl.pipeline": ("run",),
+    "tensctl.scene": ("Scene", "load_scene"),
+    "tensctl.simulation": ("Measurement", "Push", "Run", "simulate"),
+    "tensctl.statics": ("Equilibrium", "Stability", "find_equilibrium"),
+    "tensctl.structure": ("Structure", "build_structure", "network", "prism", "shell"),
+    "tensctl.synthesis": ("LQR", "MPC", "ShapePath", "lqr", "plan_shape"),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [
+    "LQR",
+    "MPC",
+    "Dynamics",
+    "Equilibrium",
+    "EquilibriumError",
+    "LinearModel",
+    "LinearizationError",
+    "Measurement",
+    "ModalReport",
+    "OutputError",
+    "Push",
+    "Run",
+    "Scene",
+    "SceneError",
+    "ShapePath",
+    "SimulationError",
+    "Stability",
+    "Structure",
+    "StructureError",
+    "SynthesisError",
+    "TensctlError",
+    "__version__",
+    "build_dynamics",
+    "build_structure",
+    "controllability",
+    "find_equilibrium",
+    "linearize",
+    "load_scene",
+    "lqr",
+    "network",
+    "observability",
+    "plan_shape",
+    "prism",
+    "run",
+    "shell",
+    "simulate",
+    "work_precision",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name from its room when it is first asked for (PEP 562)."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'tensctl' has no attribute {name!r}")
+    value = getattr(import_module(_MODULE_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,152 @@
+"""The command line: one scene in, a structure, a model, a run or a report out.
+
+Every fault that a user can mend is one line on the error stream and exit code 2. Rooms are imported inside
+the commands, so that `--help` and a mistyped scene answer at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+from tensctl import __version__
+from tensctl.errors import TensctlError
+
+if TYPE_CHECKING:
+    from tensctl.scene import Scene
+
+USER_FAULT = 2
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+
+app = App(
+    name="tensctl",
+    help="Control design for tensegrity structures: one scene in, a controlled structure and its report out.",
+    version=__version__,
+    help_format="plaintext",
+    suppress_keyboard_interrupt=False,
+)
+SceneFile = Annotated[Path, Parameter(help="Scene file, TOML or JSON.")]
+Out = Annotated[Path, Parameter(name=["--out", "-o"])]
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+@app.command
+def run(scene: SceneFile, /, *, out: Out | None = None, quiet: Flag = False) -> None:
+    """Go through every stage that the scene asks for, and write the results.
+
+    Parameters
+    ----------
+    out
+        Folder for the results; out/<name of the scene file> by default.
+    quiet
+        Say nothing but where the results are.
+    """
+    asked = _load(scene)
+    from tensctl.pipeline import run as run_scene
+    from tensctl.progress import Progress
+
+    folder = Path("out") / scene.stem if out is None else out
+    run_scene(asked, folder, progress=Progress(quiet=quiet))
+    print(f"results: {folder}")
+
+
+@app.command
+def check(scene: SceneFile, /) -> None:
+    """Read the scene, build its structure and say what it has; compute nothing."""
+    asked = _load(scene)
+    from tensctl.structure import build_members, build_structure
+
+    structure = build_structure(asked)
+    counts = {
+        "nodes": len(structure.nodes),
+        "rods": len(structure.rods),
+        "tendons": len(structure.tendons),
+        "inputs": len(build_members(asked, structure).inputs),
+    }
+    if asked.title:
+        print(asked.title)
+    for name, count in counts.items():
+        print(f"{name:8}{count:6}")
+
+
+@app.command
+def explain(scene: SceneFile, /) -> None:
+    """Say which terms the model has, which it leaves out and why."""
+    asked = _load(scene)
+    from tensctl.model import build_dynamics
+
+    print(build_dynamics(asked).explain())
+
+
+@app.command
+def accuracy(scene: SceneFile, /, *, out: Out | None = None) -> None:
+    """Measure error against run time for the scene's own motion.
+
+    Parameters
+    ----------
+    out
+        File for the table; it is printed in any case.
+    """
+    asked = _load(scene)
+    from tensctl.accuracy import work_precision
+
+    table = str(work_precision(asked).table())
+    print(table)
+    if out is not None:
+        out.write_text(table + "\n", encoding="utf-8")
+
+
+@app.command
+def export(scene: SceneFile, /, *, out: Out) -> None:
+    """Write the linear model and its data as a .mat file.
+
+    Parameters
+    ----------
+    out
+        File to write.
+    """
+    asked = _load(scene)
+    from tensctl.interop import write_mat
+
+    write_mat(asked, out)
+    print(f"written: {out}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code: 0, 2 for a user's fault, 130 when interrupted."""
+    try:
+        app(
+            sys.argv[1:] if arguments is None else arguments,
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
+        )
+    except (TensctlError, CycloptsError) as error:
+        return _fault(str(error))
+    except OSError as error:
+        if error.filename is None:
+            raise
+        return _fault(f"{error.filename}: {error.strerror}.")
+    except KeyboardInterrupt:
+        print("tensctl: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+def _load(path: Path) -> Scene:
+    from tensctl.scene import load_scene
+
+    return load_scene(path)
+
+
+def _fault(sentence: str) -> int:
+    print(f"tensctl: {' '.join(sentence.split())}", file=sys.stderr)
+    return USER_FAULT
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""One decorator for compiled kernels, whose cache never stands in the way.
+
+`numba.njit(cache=True)` raises at decoration time where neither the package folder nor the home can be
+written (a read-only container, a system-wide installation used by a service). Here it then tries a temporary
+folder of the user's own, and last no cache at all: every start compiles anew, nothing else changes.
+
+Numba looks for changes in the kernel's own file only. Keep kernels that call each other in one file.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import numba.core.config
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+
+def jit(function: Kernel) -> Kernel:
+    """Compile a kernel when it is first called, and keep the machine code for later starts.
+
+    Strict IEEE arithmetic (no fast-math) and NumPy's division (x/0 is inf, not an exception).
+    """
+    try:
+        return _compiled(function, cache=True)
+    except RuntimeError:  # no folder can be written; numba has no narrower class for it
+        pass
+    try:
+        with _cache_in(_own_temporary_folder()):
+            return _compiled(function, cache=True)
+    except (RuntimeError, OSError):
+        return _compiled(function, cache=False)
+
+
+def _compiled(function: Callable[..., Any], *, cache: bool) -> Any:
+    return numba.njit(cache=cache, fastmath=False, error_model="numpy")(function)
+
+
+@contextmanager
+def _cache_in(folder: Path) -> Iterator[None]:
+    """Point numba's cache to a folder while a function is decorated; it keeps the place found then."""
+    config: Any = numba.core.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(folder)
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = before
+
+
+def _own_temporary_folder() -> Path:
+    """The user's cache folder among the temporary files, made if need be.
+
+    Cached code is executed when it is loaded, so a folder that someone else owns or can write is refused.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    folder = Path(tempfile.gettempdir()) / f"tensctl-numba-{user}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode):
+        raise OSError(f"{folder} is no folder")
+    if hasattr(os, "getuid") and (found.st_uid != os.getuid() or found.st_mode & 0o022):
+        raise OSError(f"{folder} belongs to, or can be written by, someone else")
+    return folder

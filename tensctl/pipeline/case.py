@@ -1,0 +1,107 @@
+"""From results to what the report shows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensctl import __version__
+from tensctl.pipeline.results import Results
+from tensctl.report import Case, Check, Height, Limits, MpcCheck
+from tensctl.report import Push as ShownPush
+from tensctl.structure import matches
+from tensctl.synthesis import shell_height
+
+
+def to_case(results: Results, seconds: dict[str, float]) -> Case:
+    """Everything the report shows of these results."""
+    return Case(
+        title=results.scene.title or "tensctl run",
+        version=__version__,
+        structure=results.dynamics.structure,
+        scene_toml=results.scene.to_toml(),
+        equilibrium=results.equilibrium,
+        linear=results.linear,
+        controllability=results.controllability,
+        lqr=results.lqr,
+        path=results.path,
+        run=results.run,
+        limits=_limits(results),
+        shape_error=results.shape_error,
+        height=_height(results),
+        mpc_check=_mpc_check(results),
+        pushes=_pushes(results),
+        explain=results.dynamics.explain().terms,
+        checks=checks(results),
+        seconds=dict(seconds),
+    )
+
+
+def checks(results: Results) -> tuple[Check, ...]:
+    """Numbers recomputed from the results' own inputs, with the bounds they have to keep."""
+    found = [_below("equilibrium: unbalanced force over the largest", results.equilibrium.residual, 1e-9)]
+    if results.lqr is not None:
+        found.append(_below("LQR: Riccati residual over its terms", results.lqr.residual, 1e-9))
+        found.append(_below("LQR: real part of the slowest pole, 1/s", results.lqr.poles.real.max(), 0.0))
+    if results.path is not None:
+        worst = max(e.residual for e in results.path.equilibria)
+        found.append(_below("path: unbalanced force of the worst planned equilibrium", worst, 1e-9))
+    if results.run is not None:
+        found.append(_below("run: drift of a rod's length over itself", results.run.rod_drift, 1e-12))
+    if results.certificate is not None and results.run is not None:
+        certificate = results.certificate
+        found.append(_below("MPC: worst KKT residual", float(np.nanmax(results.run.kkt)), 1e-6))
+        found.append(_below("MPC: hard limits violated", certificate.violations, 0))
+        note = f"step at {certificate.checked_at:.2f} s"
+        found.append(_below("MPC: cost against cvxpy, relative", certificate.cost_difference, 1e-7, note))
+        found.append(_below("MPC: first input against cvxpy, m", certificate.input_difference, 1e-7, note))
+    if results.shape_error is not None and results.mpc is not None:
+        found.append(_below("closed loop: last distance to the wanted shape, m", results.shape_error[-1], 1e-3))
+    return tuple(found)
+
+
+def _below(name: str, value: float, bound: float, note: str = "") -> Check:
+    return Check(name, float(value), float(bound), bool(value <= bound), note)
+
+
+def _limits(results: Results) -> Limits | None:
+    if results.mpc is None:
+        return None
+    return Limits(results.mpc.tension_min, results.dynamics.members.floors, results.mpc.rate_max)
+
+
+def _height(results: Results) -> Height | None:
+    if results.path is None or results.run is None:
+        return None
+    height = shell_height(results.dynamics.structure)
+    return Height(
+        before=height.of(results.run.nodes[0]),
+        after=height.of(results.run.nodes[-1]),
+        target=height.of(results.path.target_nodes),
+    )
+
+
+def _mpc_check(results: Results) -> MpcCheck | None:
+    mpc, certificate = results.mpc, results.certificate
+    if mpc is None or certificate is None:
+        return None
+    return MpcCheck(
+        solver=mpc.order[0],
+        horizon=mpc.horizon,
+        dt=mpc.dt,
+        variables=certificate.variables,
+        constraints=certificate.constraints,
+        cvxpy_difference=certificate.cost_difference,
+        violations=certificate.violations,
+    )
+
+
+def _pushes(results: Results) -> tuple[ShownPush, ...]:
+    simulation = results.scene.simulation
+    if simulation is None:
+        return ()
+    labels = results.dynamics.structure.node_labels
+    return tuple(
+        ShownPush(node, push.force, push.start, push.stop)
+        for push in simulation.push
+        for node in matches(labels, push.node, "simulation.push.node")
+    )

@@ -1,0 +1,222 @@
+"""From a scene to its results, stage by stage; only what the scene asks for is done."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tensctl.atomic import replaced_folder
+from tensctl.errors import EquilibriumError
+from tensctl.model import build_dynamics
+from tensctl.pipeline.results import Results
+from tensctl.progress import Progress
+from tensctl.statics import Equilibrium, Stability, find_equilibrium
+
+if TYPE_CHECKING:
+    from tensctl.scene import Scene
+
+
+class _Clock:
+    """Wall time of each stage."""
+
+    def __init__(self, progress: Progress) -> None:
+        self.progress, self.seconds = progress, dict[str, float]()
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        began = time.perf_counter()
+        with self.progress.stage(name):
+            yield
+        self.seconds[name] = time.perf_counter() - began
+
+
+def run(scene: Scene, out: str | Path, *, progress: Progress | None = None) -> Results:
+    """Do every stage that a scene asks for and write the results to a folder.
+
+    Parameters
+    ----------
+    scene : Scene
+    out : path
+        Folder for `summary.json`, `run.nc` (with a simulation) and `report.html` (with a report). An earlier result
+        there is replaced only when everything has been written.
+    progress : Progress, optional
+        Who is told; nobody by default.
+
+    Returns
+    -------
+    Results
+
+    Raises
+    ------
+    TensctlError
+        One sentence that says what cannot be done and what to try.
+    """
+    clock = _Clock(Progress(quiet=True) if progress is None else progress)
+    with replaced_folder(out) as folder:
+        results = _compute(scene, clock)
+        _write(results, folder, clock)
+    return results
+
+
+def _compute(scene: Scene, clock: _Clock) -> Results:
+    with clock.stage("equilibrium"):
+        equilibrium = _held(find_equilibrium(scene), scene)
+    with clock.stage("model"):
+        results = Results(scene, build_dynamics(scene), equilibrium)
+    for asked, stage in (
+        (_needs_linear(scene), _linearize),
+        (scene.controllability is not None, _controllability),
+        (scene.target is not None, _plan),
+        (scene.lqr is not None, _lqr),
+        (scene.mpc is not None, _mpc),
+        (scene.simulation is not None, _simulate),
+        (scene.mpc is not None and _controller(scene) == "mpc", _certify),
+    ):
+        if asked:
+            results = stage(results, clock)
+    return results
+
+
+def _controller(scene: Scene) -> str:
+    return "none" if scene.simulation is None else scene.simulation.controller
+
+
+def _needs_linear(scene: Scene) -> bool:
+    return any(part is not None for part in (scene.linearize, scene.controllability, scene.lqr, scene.mpc))
+
+
+def _held(equilibrium: Equilibrium, scene: Scene) -> Equilibrium:
+    """Refuse a structure that has collapsed, unless the scene only wants to watch it move."""
+    if equilibrium.stable is Stability.NO_PRESTRESS:
+        raise EquilibriumError(
+            "every tendon is slack at rest: the rest lengths are so long that nothing is taut; "
+            "shorten them (tendons.rest_ratio or tendons.rest_length)."
+        )
+    if equilibrium.stable is Stability.NO and (_needs_linear(scene) or scene.target is not None):
+        raise EquilibriumError(
+            f"the equilibrium is unstable: its smallest eigenvalue is {equilibrium.smallest:.3g} rad^2/s^2; "
+            "shorten the rest lengths, or start from another shape."
+        )
+    return equilibrium
+
+
+def _linearize(results: Results, clock: _Clock) -> Results:
+    from tensctl.linear import linearize
+
+    asked = results.scene.linearize
+    with clock.stage("linear model"):
+        linear = linearize(results.dynamics, results.equilibrium, outputs=() if asked is None else asked.outputs)
+    return replace(results, linear=linear)
+
+
+def _controllability(results: Results, clock: _Clock) -> Results:
+    from tensctl.analysis import controllability
+
+    assert results.linear is not None
+    with clock.stage("controllability"):
+        return replace(results, controllability=controllability(results.linear))
+
+
+def _plan(results: Results, clock: _Clock) -> Results:
+    from tensctl.synthesis import plan_shape
+
+    with clock.stage("shape path"):
+        return replace(results, path=plan_shape(results.scene, start=results.equilibrium))
+
+
+def _at_target(results: Results):
+    """The linear model about the wanted equilibrium."""
+    from tensctl.linear import linearize
+
+    assert results.linear is not None
+    if results.path is None:
+        return results.linear
+    return linearize(results.dynamics, results.wanted, outputs=())
+
+
+def _lqr(results: Results, clock: _Clock) -> Results:
+    import numpy as np
+
+    from tensctl.synthesis import lqr
+    from tensctl.synthesis.condensed import input_stiffness
+
+    weights = results.scene.lqr
+    assert weights is not None
+    with clock.stage("LQR"):
+        flexible = _at_target(results).flexible
+        Q = weights.energy_weight * np.eye(flexible.A.shape[0])
+        R = weights.input_weight * np.diag(input_stiffness(flexible))
+        return replace(results, lqr=lqr(flexible, Q, R))
+
+
+def _mpc(results: Results, clock: _Clock) -> Results:
+    from tensctl.synthesis import MPC, Weights
+
+    asked = results.scene.mpc
+    assert asked is not None
+    with clock.stage("MPC set-up"):
+        mpc = MPC(
+            _at_target(results),
+            horizon=asked.horizon,
+            dt=asked.dt,
+            tension_min=asked.tension_min,
+            rate_max=asked.rate_max,
+            weights=Weights(input=asked.input_weight),
+            solver=asked.solver,
+            path=results.path,
+        )
+    return replace(results, mpc=mpc)
+
+
+def _simulate(results: Results, clock: _Clock) -> Results:
+    from tensctl.simulation import Push, control_steps, simulate
+
+    asked = results.scene.simulation
+    assert asked is not None
+    controller = {"none": None, "lqr": results.lqr, "mpc": results.mpc}[asked.controller]
+    rate_max = float("inf") if results.scene.mpc is None else results.scene.mpc.rate_max
+    steps = 1 if controller is None else control_steps(asked.t_end, controller.dt)
+    start = results.equilibrium if controller is not None or asked.push else results.dynamics.structure.nodes
+    with clock.stage("simulation"):
+        run = simulate(
+            results.dynamics,
+            start,
+            controller=controller,
+            t_end=asked.t_end,
+            rate_max=rate_max,
+            pushes=[Push(push.node, push.force, push.start, push.stop) for push in asked.push],
+            method=asked.method,
+            tol=asked.tol,
+            progress=clock.progress.track(steps, "closed loop"),
+        )
+    return replace(results, run=run)
+
+
+def _certify(results: Results, clock: _Clock) -> Results:
+    from tensctl.pipeline.certificate import certify
+
+    assert results.mpc is not None
+    assert results.run is not None
+    with clock.stage("MPC against cvxpy"):
+        return replace(results, certificate=certify(results.mpc, results.run))
+
+
+def _write(results: Results, folder: Path, clock: _Clock) -> None:
+    from tensctl.pipeline.summary import summarise
+
+    if results.run is not None:
+        with clock.stage("run.nc"):
+            results.run.save(folder / "run.nc")
+    if results.scene.report is not None:
+        from tensctl.pipeline.case import to_case
+        from tensctl.report import write_report
+
+        with clock.stage("report"):
+            write_report(to_case(results, clock.seconds), folder / "report.html")
+    text = json.dumps(summarise(results, clock.seconds), indent=2, allow_nan=True)
+    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")

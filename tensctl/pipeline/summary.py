@@ -1,0 +1,136 @@
+"""The numbers of a run as JSON: small, stable names, SI units."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from tensctl import __version__
+from tensctl.pipeline.results import Results
+from tensctl.synthesis import LQR
+
+
+def summarise(results: Results, seconds: dict[str, float]) -> dict:
+    """Everything a script would want to know without opening the run."""
+    parts = {
+        "title": results.scene.title,
+        "version": __version__,
+        "structure": _structure(results),
+        "equilibrium": _equilibrium(results),
+        "linear": _linear(results),
+        "controllability": _controllability(results),
+        "lqr": None if results.lqr is None else _lqr(results.lqr),
+        "target": _target(results),
+        "mpc": _mpc(results),
+        "simulation": _simulation(results),
+        "seconds": {name: round(value, 4) for name, value in seconds.items()},
+    }
+    return {name: part for name, part in parts.items() if part is not None}
+
+
+def _structure(results: Results) -> dict:
+    structure = results.dynamics.structure
+    return {
+        "nodes": len(structure.nodes),
+        "rods": len(structure.rods),
+        "tendons": len(structure.tendons),
+        "inputs": len(results.dynamics.input_labels),
+        "degrees_of_freedom": results.equilibrium.potential.manifold.size,
+    }
+
+
+def _equilibrium(results: Results) -> dict:
+    e = results.equilibrium
+    return {
+        "energy_J": e.energy,
+        "residual": e.residual,
+        "iterations": e.iterations,
+        "stable": str(e.stable),
+        "smallest_omega2": e.smallest,
+        "tolerance_omega2": e.tolerance,
+        "lowest_tension_N": float(e.tensions.min(initial=np.inf)),
+        "largest_tension_N": float(e.tensions.max(initial=0.0)),
+    }
+
+
+def _linear(results: Results) -> dict | None:
+    linear = results.linear
+    if linear is None:
+        return None
+    return {
+        "states": len(linear.states),
+        "flexible_states": len(linear.flexible.states),
+        "outputs": len(linear.outputs),
+        "rigid_body_modes": sum(mode.kind == "rigid-body" for mode in linear.modes),
+        "frequencies_Hz": [mode.frequency for mode in linear.modes],
+    }
+
+
+def _controllability(results: Results) -> dict | None:
+    report = results.controllability
+    if report is None:
+        return None
+    return {
+        "controllable_modes": list(report.controllable_modes),
+        "uncontrollable_modes": list(report.uncontrollable_modes),
+        "reasons": {str(mode.index): mode.reason for mode in report.modes if mode.reason},
+    }
+
+
+def _lqr(lqr: LQR) -> dict:
+    return {"riccati_residual": lqr.residual, "slowest_pole": float(lqr.poles.real.max()), "sample_time_s": lqr.dt}
+
+
+def _target(results: Results) -> dict | None:
+    path = results.path
+    if path is None:
+        return None
+    from tensctl.synthesis import shell_height
+
+    height = shell_height(results.dynamics.structure)
+    return {
+        "height_before_m": height.of(path.equilibria[0].nodes),
+        "height_wanted_m": height.of(path.target_nodes),
+        "largest_rest_length_change_m": float(np.abs(path.target.inputs).max()),
+        "lowest_tension_N": float(path.tensions[:, ~path.target.structure.grounded_tendons].min()),
+        "fastest_reference_m_per_s": path.fastest,
+    }
+
+
+def _mpc(results: Results) -> dict | None:
+    mpc, run, certificate = results.mpc, results.run, results.certificate
+    if mpc is None or run is None or certificate is None:
+        return None
+    return {
+        "horizon": mpc.horizon,
+        "dt_s": mpc.dt,
+        "variables": certificate.variables,
+        "constraints": certificate.constraints,
+        "statuses": dict(Counter(str(record.status) for record in mpc.records)),
+        "median_step_s": float(np.median(run.solve_time)),
+        "worst_step_s": float(run.solve_time.max()),
+        "worst_kkt": float(np.nanmax(run.kkt)),
+        "relaxed_steps": int((run.relaxed > 0).sum()),
+        "largest_relaxation_N": float(run.relaxed.max()),
+        "samples_below_tension_floor": certificate.below_floor,
+        "hard_limit_violations": certificate.violations,
+        "cvxpy_cost_difference": certificate.cost_difference,
+        "cvxpy_input_difference_m": certificate.input_difference,
+        "terminal_riccati_residual": mpc.problem.riccati_residual,
+    }
+
+
+def _simulation(results: Results) -> dict | None:
+    run, error = results.run, results.shape_error
+    if run is None or error is None:
+        return None
+    return {
+        "t_end_s": float(run.time[-1]),
+        "method": run.method,
+        "evaluations": run.evaluations,
+        "switches": run.switches,
+        "rod_length_drift": run.rod_drift,
+        "final_shape_error_m": float(error[-1]),
+        "largest_shape_error_m": float(error.max()),
+    }

@@ -1,0 +1,147 @@
+"""One case as the report shows it, from the scene to the run; a part that is None is not shown."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tensctl.report.parts import Equilibrium, LinearModel, Structure
+from tensctl.report.results import Controllability, Lqr, Run, ShapePath, Term
+
+RELAXED_MORE_THAN = 1e-9  # N; below it a relaxation of the tension floor is the solver's rounding, not a decision
+
+
+@dataclass(frozen=True)
+class Check:
+    """A number that says how far a result can be trusted, and the bound it has to keep."""
+
+    name: str
+    value: float
+    bound: float
+    ok: bool
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the controller had to respect; None where there was no such limit.
+
+    Attributes
+    ----------
+    tension_min : float, optional
+        Least tension of every tendon, N; a floor that may be relaxed.
+    rest_length_floor : (tendons,) array, optional
+        Least rest length, m; never violated.
+    rate_max : float, optional
+        Largest rate of change of a rest length, m/s; never violated.
+    """
+
+    tension_min: float | None = None
+    rest_length_floor: np.ndarray | None = None
+    rate_max: float | None = None
+
+
+@dataclass(frozen=True)
+class Height:
+    """Axial height of the structure (m): at the start, at the end of the run, and as wanted."""
+
+    before: float
+    after: float
+    target: float | None = None
+
+
+@dataclass(frozen=True)
+class MpcCheck:
+    """What the model-predictive controller solved and how it was checked.
+
+    Attributes
+    ----------
+    solver : str
+        Name of the solver.
+    horizon : int
+        Number of control periods looked ahead.
+    dt : float
+        Control period, s.
+    variables, constraints : int
+        Size of the quadratic programme.
+    cvxpy_difference : float, optional
+        Relative difference of the optimum to that of the same programme stated in cvxpy.
+    violations : int
+        Recorded times at which a hard limit (rest length, rate) was violated.
+    """
+
+    solver: str
+    horizon: int
+    dt: float
+    variables: int
+    constraints: int
+    cvxpy_difference: float | None
+    violations: int
+
+
+@dataclass(frozen=True)
+class KrylovRank:
+    """Rank that ``control.ctrb`` reports, shown only to say why it is not believed."""
+
+    rank: int
+    states: int
+
+
+@dataclass(frozen=True)
+class Push:
+    """A disturbance: ``force`` (3,) N on node number ``node`` from ``begin`` to ``end`` (s)."""
+
+    node: int
+    force: tuple[float, float, float]
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """Everything that the report shows.
+
+    Attributes
+    ----------
+    title, version : str
+        Title of the scene; version of the package that made the results.
+    structure : Structure
+        What is built.
+    scene_toml : str, optional
+        The scene with every default visible.
+    equilibrium, linear, controllability, lqr, path, run
+        Results of the other rooms, by attribute (see ``parts`` and ``results``).
+    limits : Limits, optional
+        Drawn into the plots of the run.
+    shape_error : (times,) array, optional
+        Largest distance of a node from where it is wanted, at each recorded time of the run, m.
+    height : Height, optional
+    mpc_check : MpcCheck, optional
+    krylov : KrylovRank, optional
+    pushes : tuple of Push
+        Disturbances during the run.
+    explain : tuple of Term, optional
+        The model's terms, in or left out.
+    checks : tuple of Check
+    seconds : dict
+        Name of each stage and the wall time it took, s.
+    """
+
+    title: str
+    version: str
+    structure: Structure
+    scene_toml: str | None = None
+    equilibrium: Equilibrium | None = None
+    linear: LinearModel | None = None
+    controllability: Controllability | None = None
+    lqr: Lqr | None = None
+    path: ShapePath | None = None
+    run: Run | None = None
+    limits: Limits | None = None
+    shape_error: np.ndarray | None = None
+    height: Height | None = None
+    mpc_check: MpcCheck | None = None
+    krylov: KrylovRank | None = None
+    pushes: tuple[Push, ...] = ()
+    explain: tuple[Term, ...] | None = None
+    checks: tuple[Check, ...] = ()
+    seconds: dict[str, float] = field(default_factory=dict)

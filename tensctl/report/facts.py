@@ -1,0 +1,104 @@
+"""The headline: what a reader wants to know first, each fact with a mark when it can be good or bad."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensctl.report.case import Case
+from tensctl.report.numbers import count, number, plural, seconds
+
+GOOD, BAD, DOUBT, PLAIN = "good", "bad", "doubt", ""
+_STABILITY = {"yes": GOOD, "no": BAD, "undecided": DOUBT, "no prestress": BAD}
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One fact: name, value with unit, a line of explanation, a mark (good, bad, doubt or none)."""
+
+    label: str
+    value: str
+    note: str = ""
+    mark: str = PLAIN
+
+
+def tiles(case: Case) -> tuple[Tile, ...]:
+    """The headline facts that the case has, in the order of the work."""
+    groups = (_built(case), _rest(case), _designed(case), _ran(case))
+    return tuple(tile for group in groups for tile in group)
+
+
+def verdict(case: Case) -> Tile | None:
+    """One sentence about all numerical checks together; None without checks."""
+    if not case.checks:
+        return None
+    failed = [check.name for check in case.checks if not check.ok]
+    if not failed:
+        return Tile("Checks", f"All {plural(len(case.checks), 'numerical check')} hold", "", GOOD)
+    names = ", ".join(failed)
+    return Tile("Checks", f"{len(failed)} of {plural(len(case.checks), 'numerical check')} failed", names, BAD)
+
+
+def _built(case: Case) -> list[Tile]:
+    structure, linear = case.structure, case.linear
+    pinned = int(np.count_nonzero(structure.pinned))
+    facts = [
+        Tile(
+            "Rods",
+            count(len(structure.rods)),
+            f"{plural(pinned, 'node')} pinned" if pinned else "free in space",
+        ),
+        Tile("Tendons", count(len(structure.tendons))),
+    ]
+    if linear is not None:
+        facts.append(Tile("Inputs", count(len(linear.inputs)), "rest lengths"))
+        facts.append(Tile("Degrees of freedom", count(len(linear.modes)), plural(len(linear.states), "state")))
+    return facts
+
+
+def _rest(case: Case) -> list[Tile]:
+    rest = case.equilibrium
+    if rest is None:
+        return []
+    stable = str.__str__(rest.stable)
+    note = f"least ω² {number(rest.smallest, 3)} rad²/s²"
+    return [
+        Tile("Stable", stable, note, _STABILITY.get(stable, DOUBT)),
+        Tile("Energy", f"{number(rest.energy)} J", f"least tension {number(float(np.min(rest.tensions)), 3)} N"),
+        Tile("Force residual", number(rest.residual, 2), f"after {plural(rest.iterations, 'iteration')}"),
+    ]
+
+
+def _designed(case: Case) -> list[Tile]:
+    facts = []
+    if case.controllability is not None:
+        driven, of = len(case.controllability.controllable_modes), len(case.controllability.modes)
+        undriven = len(case.controllability.uncontrollable_modes)
+        undecided = of - driven - undriven
+        note = f"{undriven} not driven" if undriven else "every mode is driven"
+        if undecided:
+            note += f", {undecided} undecided"
+        mark = DOUBT if undecided else PLAIN if undriven else GOOD
+        facts.append(Tile("Controllable modes", f"{driven} of {of}", note, mark))
+    if case.lqr is not None:
+        slowest = float(np.max(np.real(case.lqr.poles), initial=-np.inf))
+        note = f"slowest pole {number(slowest, 3)} 1/s"
+        facts.append(Tile("LQR residual", number(case.lqr.residual, 2), note, GOOD if slowest < 0 else BAD))
+    return facts
+
+
+def _ran(case: Case) -> list[Tile]:
+    facts = []
+    run = case.run
+    if run is not None and len(run.solve_time):
+        middle, worst = float(np.median(run.solve_time)), float(np.max(run.solve_time))
+        period = None if case.mpc_check is None else case.mpc_check.dt
+        keeps = PLAIN if period is None else GOOD if worst <= period else DOUBT
+        note = "" if period is None else f"control period {seconds(period)}"
+        value = f"{number(1e3 * middle, 3)} / {number(1e3 * worst, 3)} ms"
+        facts.append(Tile("MPC solve, median / worst", value, note, keeps))
+    if case.shape_error is not None and len(case.shape_error):
+        note = f"largest {number(1e3 * float(np.nanmax(case.shape_error)), 3)} mm"
+        facts.append(Tile("Final shape error", f"{number(1e3 * float(case.shape_error[-1]), 3)} mm", note))
+    if case.seconds:
+        facts.append(Tile("Run time", seconds(sum(case.seconds.values())), plural(len(case.seconds), "stage")))
+    return facts

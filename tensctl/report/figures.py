@@ -1,0 +1,66 @@
+"""Every figure of one case, drawn; those that the case has no data for are None."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from tensctl.report import plot_modes, plot_poles, plot_solver, plot_time
+from tensctl.report.animation import Motion
+from tensctl.report.case import Case
+from tensctl.report.colourbar import colour_bar
+from tensctl.report.plots import Plot
+from tensctl.report.shapes import View, draw_views
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Figures by what they show; the same names are used by the templates."""
+
+    colours: Markup
+    still: Markup
+    shapes: tuple[Markup, ...]
+    tensions: Plot | None
+    rest_lengths: Plot | None
+    inputs: Plot | None
+    rates: Plot | None
+    shape_error: Plot | None
+    modes: Plot | None
+    poles: Plot | None
+    solve_times: Plot | None
+    kkt: Plot | None
+
+
+def draw_figures(case: Case, motion: Motion) -> Figures:
+    """Draw all of them."""
+    tension_max = float(np.max(motion.tensions, initial=0.0)) or 1.0
+    floor = None if case.limits is None else case.limits.tension_min
+    still = View("", motion.nodes[0], motion.tensions[0] if motion.source != "structure" else None)
+    return Figures(
+        colours=colour_bar("bar", tension_max, floor),
+        still=draw_views(case.structure, (still,), tension_max)[0],
+        shapes=draw_views(case.structure, shape_views(case, motion), tension_max),
+        tensions=plot_time.tensions(case),
+        rest_lengths=plot_time.rest_lengths(case),
+        inputs=plot_time.inputs(case),
+        rates=plot_time.rates(case),
+        shape_error=plot_time.shape_error(case),
+        modes=plot_modes.frequencies(case.linear),
+        poles=plot_poles.poles(case.lqr, case.linear),
+        solve_times=plot_solver.solve_times(case.run, None if case.mpc_check is None else case.mpc_check.dt),
+        kkt=plot_solver.kkt_residuals(case.run),
+    )
+
+
+def shape_views(case: Case, motion: Motion) -> tuple[View, ...]:
+    """At rest, and at the end of the run or the planned path with the first as a shadow behind it."""
+    rest, path, height = case.equilibrium, case.path, case.height
+    if rest is None:
+        return ()
+    before = View("Before, at rest", rest.nodes, rest.tensions, None if height is None else height.before)
+    wanted = None if path is None else path.target_nodes
+    after = None if height is None else height.after
+    title = {"run": f"After {motion.times[-1]:.4g} s", "path": "After, as planned"}.get(motion.source)
+    if title is None:
+        return (before,)
+    return before, View(title, motion.nodes[-1], motion.tensions[-1], after, shadow=rest.nodes, wanted=wanted)

@@ -1,0 +1,122 @@
+"""Rows of the report's tables, gathered from the results: modes by cluster, statuses, operations, stages."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensctl.report.case import RELAXED_MORE_THAN, Case
+from tensctl.report.parts import Mode
+from tensctl.report.results import Run, Term
+
+
+@dataclass(frozen=True)
+class ModeRow:
+    """Modes that share frequency, kind and name: (place in the list, index) of each, what they share."""
+
+    members: tuple[tuple[int, int], ...]
+    name: str
+    kind: str
+    frequency: float
+    multiplicity: int
+
+
+def mode_rows(modes: tuple[Mode, ...]) -> tuple[ModeRow, ...]:
+    """One row for each run of neighbouring modes that repeat one eigenvalue and carry the same name."""
+    rows: list[list[tuple[int, Mode]]] = []
+    for place, mode in enumerate(modes):
+        if rows and _alike(rows[-1][-1][1], mode):
+            rows[-1].append((place, mode))
+        else:
+            rows.append([(place, mode)])
+    return tuple(
+        ModeRow(
+            members=tuple((place, mode.index) for place, mode in row),
+            name=row[0][1].name,
+            kind=row[0][1].kind,
+            frequency=float(np.mean([mode.frequency for _, mode in row])),
+            multiplicity=row[0][1].multiplicity,
+        )
+        for row in rows
+    )
+
+
+def _alike(one: Mode, other: Mode) -> bool:
+    return (one.cluster, one.kind, one.name) == (other.cluster, other.kind, other.name)
+
+
+@dataclass(frozen=True)
+class Operations:
+    """Operations of one evaluation that stay in the model, and those that were left out."""
+
+    kept: int
+    saved: int
+
+    @property
+    def share_saved(self) -> float:
+        """Part of the full model that was saved, 0 to 1."""
+        return self.saved / (self.kept + self.saved) if self.kept + self.saved else 0.0
+
+
+def operations(terms: tuple[Term, ...]) -> Operations:
+    """Sums over the terms that know their operations."""
+    return Operations(
+        kept=sum(term.operations or 0 for term in terms if term.included),
+        saved=sum(term.operations or 0 for term in terms if not term.included),
+    )
+
+
+@dataclass(frozen=True)
+class Solves:
+    """What the MPC's solves amount to."""
+
+    steps: int
+    statuses: tuple[tuple[str, int], ...]
+    kkt_median: float
+    kkt_worst: float
+    median: float
+    worst: float
+    relaxed: int
+    relaxed_most: float
+    relaxed_first: float | None
+
+
+def solves(run: Run | None) -> Solves | None:
+    """Certificate of a run under MPC; None when no step was solved."""
+    if run is None or not len(run.solve_time):
+        return None
+    words, counts = np.unique(np.asarray(run.status, dtype=str), return_counts=True)
+    statuses = [(str(word), int(n)) for word, n in zip(words, counts, strict=True) if word]
+    gave_way = run.relaxed > RELAXED_MORE_THAN
+    return Solves(
+        steps=len(run.solve_time),
+        statuses=tuple(sorted(statuses, key=lambda pair: -pair[1])),
+        kkt_median=float(np.median(run.kkt)),
+        kkt_worst=float(np.max(run.kkt)),
+        median=float(np.median(run.solve_time)),
+        worst=float(np.max(run.solve_time)),
+        relaxed=int(np.count_nonzero(gave_way)),
+        relaxed_most=float(np.max(run.relaxed, initial=0.0)),
+        relaxed_first=float(run.sample_time[gave_way][0]) if gave_way.any() else None,
+    )
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of the work: wall time (s) and its share of the longest."""
+
+    name: str
+    seconds: float
+    share: float
+
+
+def stages(case: Case) -> tuple[Stage, ...]:
+    """Every stage in the order in which it ran."""
+    longest = max(case.seconds.values(), default=0.0) or 1.0
+    return tuple(Stage(name, value, value / longest) for name, value in case.seconds.items())
+
+
+def share_of_largest(values: tuple[float, ...]) -> tuple[float, ...]:
+    """Each value over the largest finite one, 0 to 1, for bars in tables."""
+    finite = [value for value in values if np.isfinite(value)]
+    largest = max(finite, default=0.0) or 1.0
+    return tuple(max(0.0, min(1.0, value / largest)) if np.isfinite(value) else 0.0 for value in values)

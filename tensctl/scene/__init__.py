@@ -1,0 +1,41 @@
+"""What the user asks: TOML or JSON in, one frozen and checked Scene out."""
+
+from tensctl.scene.load import load_scene
+from tensctl.scene.physics import Actuators, Drag, Gravity, Rods, Tendons
+from tensctl.scene.recipe import NetworkRecipe, PrismRecipe, ShellRecipe
+from tensctl.scene.scene import Scene
+from tensctl.scene.stages import (
+    ControllabilityStage,
+    EquilibriumStage,
+    LinearizeStage,
+    LqrStage,
+    MpcStage,
+    PushRequest,
+    ReportStage,
+    SimulationStage,
+    TargetStage,
+)
+from tensctl.scene.tables import Ratio
+
+__all__ = [
+    "Actuators",
+    "ControllabilityStage",
+    "Drag",
+    "EquilibriumStage",
+    "Gravity",
+    "LinearizeStage",
+    "LqrStage",
+    "MpcStage",
+    "NetworkRecipe",
+    "PrismRecipe",
+    "PushRequest",
+    "Ratio",
+    "ReportStage",
+    "Rods",
+    "Scene",
+    "ShellRecipe",
+    "SimulationStage",
+    "TargetStage",
+    "Tendons",
+    "load_scene",
+]

@@ -1,0 +1,95 @@
+"""The stages that a scene may ask for; the presence of a section asks for its stage."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from tensctl.scene.complaint import complaint, shown
+from tensctl.scene.section import Section
+from tensctl.scene.values import Number, Text, Vector
+
+Output = Literal["nodes", "lengths", "tensions"]
+Tolerance = Annotated[float, Number(above=0, below=1)]
+
+
+class EquilibriumStage(Section):
+    """`[equilibrium]`: where the structure rests."""
+
+    tol: Tolerance = 1e-12
+    max_iterations: Annotated[int, Number(least=1, whole=True)] = 200
+
+
+class LinearizeStage(Section):
+    """`[linearize]`: the linear model at rest, with the outputs asked for."""
+
+    outputs: tuple[Output, ...] = ("nodes", "tensions")
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        if len(set(self.outputs)) < len(self.outputs):
+            raise complaint(f"is {shown(self.outputs)}; expected each output once", "outputs")
+        return self
+
+
+class ControllabilityStage(Section):
+    """`[controllability]`: which tendons move what, and what no tendon moves."""
+
+
+class LqrStage(Section):
+    """`[lqr]`: weights of the modes' energy and of the inputs."""
+
+    energy_weight: Annotated[float, Number(above=0)] = 1.0
+    input_weight: Annotated[float, Number(above=0)] = 1.0
+
+
+class MpcStage(Section):
+    """`[mpc]`: predictive control with limits on tension, rest length and its rate."""
+
+    horizon: Annotated[int, Number("control periods", least=1, whole=True)] = 20
+    dt: Annotated[float, Number("s", above=0)] = 0.02
+    tension_min: Annotated[float, Number("N", least=0)] = 0.1
+    rate_max: Annotated[float, Number("m/s", above=0)] = 0.5
+    input_weight: Annotated[float, Number(above=0)] = 1.0
+    rate_weight: Annotated[float, Number(least=0)] = 0.0
+    solver: Literal["auto", "daqp", "osqp"] = "auto"
+
+
+class TargetStage(Section):
+    """`[target]`: where the shape should go, and when."""
+
+    not_yet: ClassVar[tuple[str, ...]] = ("nodes", "twist", "tip")
+
+    height_scale: Annotated[float, Number("of the height at rest", above=0)]
+    start: Annotated[float, Number("s", least=0)] = 0.0
+    duration: Annotated[float, Number("s", above=0)] = 3.0
+
+
+class PushRequest(Section):
+    """`[[simulation.push]]`: a force on a node from one time to another."""
+
+    node: Annotated[str, Text("a node label")]
+    force: Annotated[tuple[float, float, float], Vector("N")]
+    start: Annotated[float, Number("s", least=0)] = Field(alias="from")
+    stop: Annotated[float, Number("s", least=0)] = Field(alias="to")
+
+    @model_validator(mode="after")
+    def _lasts(self) -> Self:
+        if not self.start < self.stop:
+            raise complaint(f"is {shown(self.stop)}; expected a time after from = {self.start} (s)", "to")
+        return self
+
+
+class SimulationStage(Section):
+    """`[simulation]`: the run of the full nonlinear structure."""
+
+    t_end: Annotated[float, Number("s", above=0)]
+    controller: Literal["none", "lqr", "mpc"] = "none"
+    method: Literal["auto", "splitting4", "dopri5"] = "auto"
+    tol: Tolerance = 1e-10
+    push: tuple[PushRequest, ...] = ()
+
+
+class ReportStage(Section):
+    """`[report]`: one HTML file with what was found."""

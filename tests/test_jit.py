@@ -1,0 +1,92 @@
+"""The jit helper compiles, and compiles still where no cache can be kept."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+KERNEL = """
+from tensctl.jit import jit
+
+
+@jit
+def quotient(x, y):
+    return x / y
+"""
+
+REPORT = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from kernels import quotient
+import numba.core.config
+print(quotient(1.0, 4.0), quotient(1.0, 0.0), quotient.stats.cache_path, repr(numba.core.config.CACHE_DIR))
+"""
+
+
+def run(folder: Path, tmp: Path, **environment: str) -> list[str]:
+    """Compile and call the kernel in a fresh interpreter whose temporary files are in `tmp`."""
+    done = subprocess.run(
+        [sys.executable, "-c", REPORT, str(folder)],
+        env={**os.environ, "TMPDIR": str(tmp), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+@pytest.fixture
+def kernels(tmp_path):
+    folder = tmp_path / "package"
+    folder.mkdir()
+    (folder / "kernels.py").write_text(KERNEL)
+    (tmp_path / "tmp").mkdir()
+    return folder
+
+
+def nowhere(tmp_path: Path) -> dict[str, str]:
+    """An environment in which numba finds no place: the only folder it may use would be under a file."""
+    (tmp_path / "file").write_text("")
+    return {
+        "NUMBA_CACHE_DIR": str(tmp_path / "file" / "cache"),
+        "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
+    }
+
+
+def test_cache_beside_the_kernel_where_it_can_be_written(kernels, tmp_path):
+    quarter, infinite, cache, _ = run(kernels, tmp_path / "tmp")
+    assert (quarter, infinite) == ("0.25", "inf")
+    assert Path(cache).is_relative_to(kernels)
+    assert list(kernels.rglob("*.nbi"))
+
+
+def test_numba_alone_would_raise_there(kernels, tmp_path):
+    (kernels / "kernels.py").write_text(KERNEL.replace("@jit", "@__import__('numba').njit(cache=True)"))
+    with pytest.raises(AssertionError, match="cannot cache function"):
+        run(kernels, tmp_path / "tmp", **nowhere(tmp_path))
+
+
+def test_temporary_cache_where_nothing_else_can_be_written(kernels, tmp_path):
+    environment = nowhere(tmp_path)
+    _, _, cache, config = run(kernels, tmp_path / "tmp", **environment)
+    assert Path(cache).is_relative_to(tmp_path / "tmp")
+    assert list((tmp_path / "tmp").rglob("*.nbi")), "machine code is kept for the next start"
+    assert config == repr(environment["NUMBA_CACHE_DIR"]), "numba's own setting is put back"
+
+
+def test_no_cache_where_even_temporary_files_cannot_be_written(kernels, tmp_path):
+    own = tmp_path / "tmp" / f"tensctl-numba-{os.getuid()}"
+    own.write_text("a file in the place of the folder")
+    quarter, infinite, cache, _ = run(kernels, tmp_path / "tmp", **nowhere(tmp_path))
+    assert (quarter, infinite, cache) == ("0.25", "inf", "None")
+
+
+def test_a_cache_that_others_can_write_is_not_trusted(kernels, tmp_path):
+    own = tmp_path / "tmp" / f"tensctl-numba-{os.getuid()}"
+    own.mkdir()
+    own.chmod(0o777)
+    *_, cache, _ = run(kernels, tmp_path / "tmp", **nowhere(tmp_path))
+    assert cache == "None"
