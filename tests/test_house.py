@@ -26,7 +26,7 @@ ROOMS = (
     "pipeline",
     "cli",
 )
-TOOLS = ("errors", "jit", "progress", "atomic")
+TOOLS = ("errors", "jit", "progress", "atomic", "threads")
 HEAVY = ("numba", "scipy.linalg", "control", "cvxpy", "xarray", "osqp", "matplotlib", "pydantic")
 MODULES = sorted(path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py"))
 

@@ -18,6 +18,7 @@ from tensctl.report.numbers import number, seconds
 from tensctl.report.pack import FEWEST_FRAMES, FRAME_BYTES, pack, unpack_nodes
 from tensctl.report.page import render
 from tensctl.report.strips import spread
+from tensctl.report.thin import thinned, thinned_band
 
 # ---------------------------------------------------------------- made-up cases that look like real ones
 
@@ -31,6 +32,10 @@ class FakeStructure:
     tendons: np.ndarray
     tendon_labels: tuple[str, ...]
     pinned: np.ndarray
+
+    @property
+    def grounded_tendons(self) -> np.ndarray:
+        return self.pinned[self.tendons].all(axis=1)
 
 
 @dataclass(frozen=True)
@@ -423,6 +428,13 @@ def test_sizes(full_page: str) -> None:
     assert len(render(full_case(n=38)).encode()) < 2_000_000  # 304 tendons, as many as an (8,4) shell
 
 
+def test_a_long_and_restless_run_stays_small() -> None:
+    case = full_case(times=20_000)
+    assert isinstance(case.run, FakeRun)
+    restless = case.run.inputs + 1e-3 * np.random.default_rng(0).normal(size=case.run.inputs.shape)
+    assert len(render(replace(case, run=replace(case.run, inputs=restless))).encode()) < 3_000_000
+
+
 def test_an_earlier_report_stays_when_a_new_one_fails(tmp_path: Path) -> None:
     path = write_report(prism_case(), tmp_path / "out" / "report.html")
     before = path.read_bytes()
@@ -476,6 +488,27 @@ def test_headline_numbers_are_there(full_page: str) -> None:
         "All 3 numerical",
     ):
         assert fact in text
+
+
+def test_a_tension_below_the_floor_is_said_even_if_the_controller_did_not_plan_it() -> None:
+    case = full_case(times=60)
+    assert isinstance(case.run, FakeRun)
+    tensions = np.maximum(case.run.tensions, 0.2)
+    tensions[30, 4] = 0.05
+    run = replace(case.run, tensions=tensions, relaxed=0 * case.run.relaxed)
+    text = read(render(replace(case, run=run))).text
+    assert "0.0500 N in t5_1_1 at 5.08 s; below the floor at 1 of 60 recorded times" in text
+    assert "planned with the whole floor at every step" in text
+
+
+def test_tendons_between_pins_do_not_set_the_scale() -> None:
+    case = full_case(times=60)
+    assert isinstance(case.run, FakeRun)
+    tensions = case.run.tensions.copy()
+    tensions[:, 1::8] = 1000.0
+    page = render(replace(case, run=replace(case.run, tensions=tensions)))
+    assert "3 tendons between pinned nodes, up to 1000 N, in the last colour" in page
+    assert "Left out, constant between pinned nodes: t2_1_1, t2_2_1, t2_3_1." in page
 
 
 def test_a_failed_check_is_said_at_the_top() -> None:
@@ -576,6 +609,17 @@ def test_long_runs_are_thinned_evenly_and_keep_both_ends() -> None:
     assert packed.times[0] == time[0]
     assert packed.times[-1] == time[-1]
     assert np.diff(packed.times).max() < 2 * (time[-1] - time[0]) / frames
+
+
+def test_thinning_keeps_extremes_and_ends() -> None:
+    time, values = np.arange(10_001.0), np.random.default_rng(2).normal(size=10_001)
+    shown, drawn = thinned(time, values)
+    assert len(shown) <= 1200
+    assert (np.diff(shown) > 0).all()
+    assert {values.min(), values.max(), values[0], values[-1]} <= set(drawn)
+    assert np.array_equal(values[shown.astype(int)], drawn)
+    low, high = thinned_band(time, values - 1, values + 1)[1:]
+    assert (low.min(), high.max()) == (values.min() - 1, values.max() + 1)
 
 
 @pytest.mark.parametrize(

@@ -167,10 +167,12 @@ class LinearModel:
         """The model as a labelled `control.StateSpace`; keep labels with `copy_names=True` when converting it."""
         import control
 
-        return control.ss(
+        system = control.ss(
             self.A, self.B, self.C, self.D,
             inputs=list(self.inputs), outputs=list(self.outputs), states=list(self.states), name="tensctl_linear",
         )  # fmt: skip
+        assert isinstance(system, control.StateSpace)
+        return system
 
     def verify(self, tol: float = 1e-9) -> None:
         """Check A against the Hessian and mass matrix that it came from.

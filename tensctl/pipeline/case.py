@@ -41,7 +41,7 @@ def checks(results: Results) -> tuple[Check, ...]:
     found = [_below("equilibrium: unbalanced force over the largest", results.equilibrium.residual, 1e-9)]
     if results.lqr is not None:
         found.append(_below("LQR: Riccati residual over its terms", results.lqr.residual, 1e-9))
-        found.append(_below("LQR: real part of the slowest pole, 1/s", results.lqr.poles.real.max(), 0.0))
+        found.append(_below("LQR: real part of the slowest pole, 1/s", results.lqr.slowest, 0.0))
     if results.path is not None:
         worst = max(e.residual for e in results.path.equilibria)
         found.append(_below("path: unbalanced force of the worst planned equilibrium", worst, 1e-9))

@@ -57,5 +57,6 @@ class Results:
 
     @property
     def shape_error(self) -> np.ndarray | None:
-        """Largest distance of a node to the wanted shape at each recorded time, m."""
-        return None if self.run is None else self.run.distance_to(self.wanted.nodes)
+        """Largest distance of a node to the wanted shape at each recorded time, m; None for an uncontrolled run."""
+        steered = self.scene.simulation is not None and self.scene.simulation.controller != "none"
+        return self.run.distance_to(self.wanted.nodes) if self.run is not None and steered else None

@@ -79,7 +79,7 @@ def _controllability(results: Results) -> dict | None:
 
 
 def _lqr(lqr: LQR) -> dict:
-    return {"riccati_residual": lqr.residual, "slowest_pole": float(lqr.poles.real.max()), "sample_time_s": lqr.dt}
+    return {"riccati_residual": lqr.residual, "slowest_pole": lqr.slowest, "sample_time_s": lqr.dt}
 
 
 def _target(results: Results) -> dict | None:
@@ -123,14 +123,15 @@ def _mpc(results: Results) -> dict | None:
 
 def _simulation(results: Results) -> dict | None:
     run, error = results.run, results.shape_error
-    if run is None or error is None:
+    if run is None:
         return None
-    return {
+    facts = {
         "t_end_s": float(run.time[-1]),
         "method": run.method,
         "evaluations": run.evaluations,
         "switches": run.switches,
         "rod_length_drift": run.rod_drift,
-        "final_shape_error_m": float(error[-1]),
-        "largest_shape_error_m": float(error.max()),
     }
+    if error is not None:
+        facts |= {"final_shape_error_m": float(error[-1]), "largest_shape_error_m": float(error.max())}
+    return facts

@@ -7,6 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from tensctl.report.case import Case
+from tensctl.report.grounded import tension_scale
 from tensctl.report.pack import base64_of, pack, pack_shapes
 from tensctl.report.palette import INKS
 
@@ -69,6 +70,7 @@ def motion_data(case: Case, motion: Motion) -> dict[str, object]:
         "q": base64_of(packed.nodes),
         "stressed": motion.source != "structure",
         "tensionMax": packed.tension_max,
+        "tensionScale": tension_scale(structure, motion.tensions),
         "t": base64_of(packed.tensions),
         "wanted": None if wanted is None else np.round(wanted, 6).ravel().tolist(),
         "pushes": [

@@ -1,11 +1,21 @@
 """One case as the report shows it, from the scene to the run; a part that is None is not shown."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensctl.report.parts import Equilibrium, LinearModel, Structure
-from tensctl.report.results import Controllability, Lqr, Run, ShapePath, Term
+if TYPE_CHECKING:
+    from tensctl.analysis import ModalReport
+    from tensctl.linear import LinearModel
+    from tensctl.model import Term
+    from tensctl.simulation import Run
+    from tensctl.statics import Equilibrium
+    from tensctl.structure import Structure
+    from tensctl.synthesis import LQR, ShapePath
+
 
 RELAXED_MORE_THAN = 1e-9  # N; below it a relaxation of the tension floor is the solver's rounding, not a decision
 
@@ -109,7 +119,7 @@ class Case:
     scene_toml : str, optional
         The scene with every default visible.
     equilibrium, linear, controllability, lqr, path, run
-        Results of the other rooms, by attribute (see ``parts`` and ``results``).
+        Results of the other rooms, read by attribute only: nothing of those rooms is loaded.
     limits : Limits, optional
         Drawn into the plots of the run.
     shape_error : (times,) array, optional
@@ -132,8 +142,8 @@ class Case:
     scene_toml: str | None = None
     equilibrium: Equilibrium | None = None
     linear: LinearModel | None = None
-    controllability: Controllability | None = None
-    lqr: Lqr | None = None
+    controllability: ModalReport | None = None
+    lqr: LQR | None = None
     path: ShapePath | None = None
     run: Run | None = None
     limits: Limits | None = None

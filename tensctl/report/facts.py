@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensctl.report.case import Case
-from tensctl.report.numbers import count, number, plural, seconds
+from tensctl.report.floor import floor_story
+from tensctl.report.numbers import count, number, plain, plural, seconds
 
 GOOD, BAD, DOUBT, PLAIN = "good", "bad", "doubt", ""
+_NOT_DRIVEN = (("no", "not driven"), ("undecided", "undecided"))
 _STABILITY = {"yes": GOOD, "no": BAD, "undecided": DOUBT, "no prestress": BAD}
 
 
@@ -63,7 +65,11 @@ def _rest(case: Case) -> list[Tile]:
     note = f"least ω² {number(rest.smallest, 3)} rad²/s²"
     return [
         Tile("Stable", stable, note, _STABILITY.get(stable, DOUBT)),
-        Tile("Energy", f"{number(rest.energy)} J", f"least tension {number(float(np.min(rest.tensions)), 3)} N"),
+        Tile(
+            "Energy",
+            f"{number(rest.energy)} J",
+            f"tensions {number(float(np.min(rest.tensions)), 3)} to {number(float(np.max(rest.tensions)), 3)} N",
+        ),
         Tile("Force residual", number(rest.residual, 2), f"after {plural(rest.iterations, 'iteration')}"),
     ]
 
@@ -71,13 +77,11 @@ def _rest(case: Case) -> list[Tile]:
 def _designed(case: Case) -> list[Tile]:
     facts = []
     if case.controllability is not None:
-        driven, of = len(case.controllability.controllable_modes), len(case.controllability.modes)
-        undriven = len(case.controllability.uncontrollable_modes)
-        undecided = of - driven - undriven
-        note = f"{undriven} not driven" if undriven else "every mode is driven"
-        if undecided:
-            note += f", {undecided} undecided"
-        mark = DOUBT if undecided else PLAIN if undriven else GOOD
+        words = [str.__str__(mode.verdict) for mode in case.controllability.modes]
+        driven, of = words.count("yes"), len(words)
+        others = [f"{words.count(word)} {said}" for word, said in _NOT_DRIVEN if word in words]
+        note = ", ".join(others) or "every mode is driven"
+        mark = DOUBT if "undecided" in words else GOOD if driven == of else PLAIN
         facts.append(Tile("Controllable modes", f"{driven} of {of}", note, mark))
     if case.lqr is not None:
         slowest = float(np.max(np.real(case.lqr.poles), initial=-np.inf))
@@ -93,11 +97,16 @@ def _ran(case: Case) -> list[Tile]:
         middle, worst = float(np.median(run.solve_time)), float(np.max(run.solve_time))
         period = None if case.mpc_check is None else case.mpc_check.dt
         keeps = PLAIN if period is None else GOOD if worst <= period else DOUBT
-        note = "" if period is None else f"control period {seconds(period)}"
-        value = f"{number(1e3 * middle, 3)} / {number(1e3 * worst, 3)} ms"
-        facts.append(Tile("MPC solve, median / worst", value, note, keeps))
+        note = "median / worst" + ("" if period is None else f" in {seconds(period)}")
+        value = f"{number(1e3 * middle, 2)} / {number(1e3 * worst, 2)} ms"
+        facts.append(Tile("MPC solve", value, note, keeps))
+    story = floor_story(case)
+    if story is not None:
+        kept = "kept" if story.kept else f"below at {plural(story.times_below, 'time')}"
+        note = f"floor {plain(story.floor)} N, {kept}"
+        facts.append(Tile("Least tension", f"{number(story.least, 3)} N", note, GOOD if story.kept else DOUBT))
     if case.shape_error is not None and len(case.shape_error):
-        note = f"largest {number(1e3 * float(np.nanmax(case.shape_error)), 3)} mm"
+        note = f"from {number(1e3 * float(case.shape_error[0]), 3)} mm at the start"
         facts.append(Tile("Final shape error", f"{number(1e3 * float(case.shape_error[-1]), 3)} mm", note))
     if case.seconds:
         facts.append(Tile("Run time", seconds(sum(case.seconds.values())), plural(len(case.seconds), "stage")))

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 from markupsafe import Markup
 
 from tensctl.report import plot_modes, plot_poles, plot_solver, plot_time
 from tensctl.report.animation import Motion
 from tensctl.report.case import Case
 from tensctl.report.colourbar import colour_bar
+from tensctl.report.grounded import beyond_scale, tension_scale
 from tensctl.report.plots import Plot
 from tensctl.report.shapes import View, draw_views
 
@@ -18,6 +18,7 @@ class Figures:
     """Figures by what they show; the same names are used by the templates."""
 
     colours: Markup
+    beyond: str
     still: Markup
     shapes: tuple[Markup, ...]
     tensions: Plot | None
@@ -33,11 +34,12 @@ class Figures:
 
 def draw_figures(case: Case, motion: Motion) -> Figures:
     """Draw all of them."""
-    tension_max = float(np.max(motion.tensions, initial=0.0)) or 1.0
+    tension_max = tension_scale(case.structure, motion.tensions)
     floor = None if case.limits is None else case.limits.tension_min
     still = View("", motion.nodes[0], motion.tensions[0] if motion.source != "structure" else None)
     return Figures(
         colours=colour_bar("bar", tension_max, floor),
+        beyond=beyond_scale(case.structure, motion.tensions),
         still=draw_views(case.structure, (still,), tension_max)[0],
         shapes=draw_views(case.structure, shape_views(case, motion), tension_max),
         tensions=plot_time.tensions(case),

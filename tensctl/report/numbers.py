@@ -67,6 +67,12 @@ def seconds(value: float) -> str:
     return f"{number(value * 1e6, 3)} µs"
 
 
+def sentence(text: str) -> str:
+    """A text with a capital at its start and a full stop at its end."""
+    text = text.strip()
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) or not text else ".")
+
+
 def plural(how_many: int, noun: str) -> str:
     """``1 rod``, ``2 rods``."""
     return f"{count(how_many)} {noun}" + ("" if how_many == 1 else "s")

@@ -49,6 +49,7 @@ def render(case: Case) -> str:
     """The report's HTML. The same case gives the same text."""
     # matplotlib and jinja2 are loaded here, since only a report needs them.
     from tensctl.report import animation, facts, figures, tables
+    from tensctl.report.floor import floor_story
     from tensctl.report.sections import sections_of
 
     motion = animation.motion_of(case)
@@ -64,6 +65,8 @@ def render(case: Case) -> str:
             tiles=facts.tiles(case),
             verdict=facts.verdict(case),
             solves=tables.solves(case.run),
+            shape_errors=tables.shape_errors(case),
+            floor=floor_story(case),
             tables=tables,
             speeds=animation.speeds(motion.duration),
             style=_asset("page.css"),
@@ -107,6 +110,7 @@ def _environment() -> "Environment":
         count=numbers.count,
         seconds=numbers.seconds,
         plural=numbers.plural,
+        sentence=numbers.sentence,
         word=str.__str__,
     )
     environment.globals.update(

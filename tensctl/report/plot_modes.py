@@ -1,12 +1,19 @@
 """Natural frequencies as stems: rigid-body motions apart, repeats marked, kinds by marker and colour."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from tensctl.report.palette import BAD, BAND, BLUE, DOUBT, MUTED, ORANGE, Ink
-from tensctl.report.parts import LinearModel, Mode
 from tensctl.report.plots import Plot, Sheet, draw
+
+if TYPE_CHECKING:
+    from tensctl.linear import LinearModel, Mode
+
 
 SHEET = Sheet(width=900.0, height=270.0, left=52.0, top=32.0)
 _LOOKS: tuple[tuple[str, Ink, str], ...] = (

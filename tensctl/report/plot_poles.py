@@ -1,20 +1,27 @@
 """Poles of the structure under LQR, upper half of the complex plane, with rays of constant damping."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from tensctl.report.palette import BLUE, FAINT, MUTED, ORANGE, TEXT
-from tensctl.report.parts import LinearModel
 from tensctl.report.plots import Plot, Sheet, draw
-from tensctl.report.results import Lqr
+
+if TYPE_CHECKING:
+    from tensctl.linear import LinearModel
+    from tensctl.synthesis import LQR
+
 
 SHEET = Sheet(height=310.0, top=32.0, right=40.0, left=24.0)
 DAMPING = (0.05, 0.1, 0.2, 0.4)  # rays drawn where they cross the plot
 MOST_STATES = 250  # the open loop's poles are computed here, cubic in the states: 20 ms at 250
 
 
-def poles(lqr: Lqr | None, linear: LinearModel | None) -> Plot | None:
+def poles(lqr: LQR | None, linear: LinearModel | None) -> Plot | None:
     """Closed-loop poles, and the open loop's where the model is small enough to compute them on the way."""
     if lqr is None or not np.isfinite(lqr.poles).any():
         return None
@@ -58,7 +65,7 @@ def _paint(axes: Axes, closed: np.ndarray, before: np.ndarray) -> None:
     axes.yaxis.tick_right()
     axes.spines["left"].set_visible(False)
     axes.spines["right"].set_visible(True)
-    axes.xaxis.set_major_locator(MaxNLocator(6))
+    axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
     axes.set_xlabel("Real part, 1/s", loc="right")
     axes.set_title("Imaginary part, rad/s", loc="right", pad=12)
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False, borderaxespad=0, handlelength=1)

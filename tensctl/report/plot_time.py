@@ -1,14 +1,24 @@
 """What happened over time: tensions, rest lengths, inputs, rates and shape error, with their limits."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from tensctl.report.case import RELAXED_MORE_THAN, Case
+from tensctl.report.grounded import left_out
 from tensctl.report.palette import BLUE
 from tensctl.report.plots import Plot, draw, log_axis
 from tensctl.report.strips import SHEET, Limit, Strip, draw_strip, frame, shade, span_of
+from tensctl.report.thin import thinned
+
+if TYPE_CHECKING:
+    from tensctl.simulation import Run
+
+ROUNDING = 1e-10  # m; what stays below it all the time is rounding: drawn, its noise would look like motion
 
 
 def tensions(case: Case) -> Plot | None:
@@ -17,6 +27,7 @@ def tensions(case: Case) -> Plot | None:
     if run is None:
         return None
     floor = None if limits is None else limits.tension_min
+    shown = ~case.structure.grounded_tendons
     return draw_strip(
         Strip(
             name="tension",
@@ -24,9 +35,10 @@ def tensions(case: Case) -> Plot | None:
             title="Tension, N",
             time=run.time,
             span=span_of(run.time),
-            values=run.tensions,
-            labels=case.structure.tendon_labels,
-            urgency=-_least(run.tensions),
+            values=run.tensions[:, shown],
+            labels=_labels(case, shown),
+            urgency=-_least(run.tensions[:, shown]),
+            note=left_out(case.structure),
             limits=() if floor is None else (Limit(floor, f"floor {floor:g} N"),),
             pushes=case.pushes,
             relaxed=relaxed_moments(case),
@@ -39,8 +51,9 @@ def rest_lengths(case: Case) -> Plot | None:
     run, limits = case.run, case.limits
     if run is None:
         return None
-    floor = None if limits is None else limits.rest_length_floor
-    drawn = () if floor is None else _floor_lines(np.asarray(floor))
+    shown = ~case.structure.grounded_tendons
+    values = run.rest_lengths[:, shown]
+    floor = None if limits is None or limits.rest_length_floor is None else np.asarray(limits.rest_length_floor)[shown]
     return draw_strip(
         Strip(
             name="rest-length",
@@ -48,10 +61,11 @@ def rest_lengths(case: Case) -> Plot | None:
             title="Rest length, m",
             time=run.time,
             span=span_of(run.time),
-            values=run.rest_lengths,
-            labels=case.structure.tendon_labels,
-            urgency=-_least(run.rest_lengths - (0.0 if floor is None else np.asarray(floor))),
-            limits=drawn,
+            values=values,
+            labels=_labels(case, shown),
+            urgency=-_least(values - (0.0 if floor is None else floor)),
+            limits=() if floor is None or not len(floor) else _floor_lines(floor),
+            note=left_out(case.structure),
             pushes=case.pushes,
         )
     )
@@ -60,7 +74,7 @@ def rest_lengths(case: Case) -> Plot | None:
 def inputs(case: Case) -> Plot | None:
     """Change of rest length that each input asks for; None when nothing was steered."""
     run = case.run
-    if run is None or not np.any(run.inputs):
+    if run is None or not _steered(run):
         return None
     return draw_strip(
         Strip(
@@ -80,7 +94,7 @@ def inputs(case: Case) -> Plot | None:
 def rates(case: Case) -> Plot | None:
     """Rate of each input between recorded times, against its limit; None when nothing was steered."""
     run, limits = case.run, case.limits
-    if run is None or not np.any(run.inputs) or len(run.time) < 2:
+    if run is None or not _steered(run) or len(run.time) < 2:
         return None
     rate = input_rates(run.time, run.inputs)
     most = None if limits is None else limits.rate_max
@@ -104,12 +118,12 @@ def rates(case: Case) -> Plot | None:
 def shape_error(case: Case) -> Plot | None:
     """Largest distance of a node from where it is wanted, on a logarithmic axis."""
     run, error = case.run, case.shape_error
-    if run is None or error is None or not np.any(error > 0):
+    if run is None or error is None or not np.any(error > ROUNDING):
         return None
 
     def paint(axes: Axes) -> None:
         shade(axes, case.pushes)
-        axes.plot(run.time, 1e3 * np.where(error > 0, error, np.nan), color=BLUE.light, linewidth=1.7)
+        axes.plot(*thinned(run.time, 1e3 * np.where(error > 0, error, np.nan)), color=BLUE.light, linewidth=1.7)
         axes.set_yscale("log")
         log_axis(axes)
         frame(axes, span_of(run.time), "Largest node error, mm")
@@ -129,6 +143,14 @@ def relaxed_moments(case: Case) -> np.ndarray:
     if case.run is None:
         return np.empty(0)
     return case.run.sample_time[case.run.relaxed > RELAXED_MORE_THAN]
+
+
+def _steered(run: Run) -> bool:
+    return bool(np.max(np.abs(run.inputs), initial=0.0) > ROUNDING)
+
+
+def _labels(case: Case, shown: np.ndarray) -> tuple[str, ...]:
+    return tuple(label for label, is_shown in zip(case.structure.tendon_labels, shown, strict=True) if is_shown)
 
 
 def _floor_lines(floor: np.ndarray) -> tuple[Limit, ...]:

@@ -1,13 +1,19 @@
 """The structure at rest on paper: an orthographic projection as SVG, rods and tendons sorted by depth."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup, escape
 
 from tensctl.report.numbers import number
 from tensctl.report.palette import RAMP
-from tensctl.report.parts import Structure
+
+if TYPE_CHECKING:
+    from tensctl.structure import Structure
+
 
 YAW, PITCH = np.radians(-62.0), np.radians(12.0)  # as the page's viewer starts, a little lower
 ROD_PIECES = 4  # a rod is sorted in pieces, since its middle says little about the depth of its ends

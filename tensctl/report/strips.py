@@ -4,17 +4,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import IdentityTransform
 
 from tensctl.report.case import Push
-from tensctl.report.palette import BAD, BAND, DOUBT, FAINT, MUTED, PAPER, RULE, SERIES
+from tensctl.report.palette import BAD, BAND, DOUBT, FAINT, MUTED, PAPER, RULE, SERIES, Ink
 from tensctl.report.plots import DASHES, TRACE, Plot, Sheet, draw
+from tensctl.report.thin import thinned, thinned_band
 
 SHEET = Sheet(right=76.0, top=32.0, height=270.0)
 MOST_LINES = 60  # with more traces their range is drawn as a band: single grey lines could not be told apart
 BAND_NOTE = "Band: from the least to the largest; darker: the middle 80 %; thin line: the median."
 NAMED = len(SERIES)
+STEPS_SEEN = 250  # with more points a step is narrower than two pixels, and is drawn as a straight piece
 NAME_PITCH = 13.0  # least distance of two names at the right edge, SVG units
 
 
@@ -49,6 +52,8 @@ class Strip:
         Moments at which the tension floor gave way, s; ticks at the lower edge.
     steps : bool
         Values hold until the next time.
+    note : str
+        What a reader has to know besides.
     """
 
     name: str
@@ -63,12 +68,15 @@ class Strip:
     pushes: tuple[Push, ...] = ()
     relaxed: np.ndarray = field(default_factory=lambda: np.empty(0))
     steps: bool = False
+    note: str = ""
 
 
 def draw_strip(strip: Strip) -> Plot:
     """The strip as a plot that knows its time span."""
     plot = draw(strip.name, strip.label, lambda axes: _paint(axes, strip), SHEET)
-    return replace(plot, span=strip.span, note=BAND_NOTE if _banded(strip) else "")
+    return replace(
+        plot, span=strip.span, note=" ".join(filter(None, [BAND_NOTE if _banded(strip) else "", strip.note]))
+    )
 
 
 def span_of(time: np.ndarray) -> tuple[float, float]:
@@ -106,10 +114,8 @@ def _paint(axes: Axes, strip: Strip) -> None:
         _band(axes, strip)
     else:
         _others(axes, strip, set(named.tolist()))
-    draw_style = "steps-post" if strip.steps else "default"
     for trace, ink, dash in zip(named, SERIES, DASHES, strict=False):
-        (line,) = axes.plot(strip.time, strip.values[:, trace], color=ink.light, drawstyle=draw_style, linewidth=1.5)
-        line.set_gid(TRACE + strip.labels[trace])
+        line = _trace(axes, strip, trace, ink, 1.5)
         if dash[0] is not None:
             line.set_dashes(dash)
     _limits(axes, strip)
@@ -125,19 +131,27 @@ def _banded(strip: Strip) -> bool:
 
 def _others(axes: Axes, strip: Strip, named: set[int]) -> None:
     """A thin line for each trace that is not named; pointing at it tells its name."""
-    draw_style = "steps-post" if strip.steps else "default"
-    for trace, label in enumerate(strip.labels):
+    for trace in range(len(strip.labels)):
         if trace not in named:
-            values = strip.values[:, trace]
-            axes.plot(strip.time, values, color=FAINT.light, drawstyle=draw_style, linewidth=0.8, gid=TRACE + label)
+            _trace(axes, strip, trace, FAINT, 0.8)
+
+
+def _trace(axes: Axes, strip: Strip, trace: int, ink: Ink, width: float) -> Line2D:
+    time, values = thinned(strip.time, strip.values[:, trace])
+    style = "steps-post" if strip.steps and len(time) <= STEPS_SEEN else "default"
+    (line,) = axes.plot(time, values, color=ink.light, drawstyle=style, linewidth=width)
+    line.set_gid(TRACE + strip.labels[trace])
+    return line
 
 
 def _band(axes: Axes, strip: Strip) -> None:
     """From the least to the largest trace, the middle 80 % darker, and the median."""
-    low, tenth, middle, ninetieth, high = np.nanquantile(strip.values, [0, 0.1, 0.5, 0.9, 1], axis=1)
-    axes.fill_between(strip.time, low, high, facecolor=BAND.light, linewidth=0, zorder=1)
-    axes.fill_between(strip.time, tenth, ninetieth, facecolor=RULE.light, linewidth=0, zorder=1.1)
-    axes.plot(strip.time, middle, color=MUTED.light, linewidth=0.9, zorder=1.2, gid=TRACE + "median")
+    known = np.isfinite(strip.values).all(axis=1)
+    time, values = strip.time[known], strip.values[known]
+    low, tenth, middle, ninetieth, high = np.quantile(values, [0, 0.1, 0.5, 0.9, 1], axis=1)
+    axes.fill_between(*thinned_band(time, low, high), facecolor=BAND.light, linewidth=0, zorder=1)
+    axes.fill_between(*thinned_band(time, tenth, ninetieth), facecolor=RULE.light, linewidth=0, zorder=1.1)
+    axes.plot(*thinned(time, middle), color=MUTED.light, linewidth=0.9, zorder=1.2, gid=TRACE + "median")
 
 
 def _limits(axes: Axes, strip: Strip) -> None:

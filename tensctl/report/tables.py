@@ -1,12 +1,18 @@
 """Rows of the report's tables, gathered from the results: modes by cluster, statuses, operations, stages."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensctl.report.case import RELAXED_MORE_THAN, Case
-from tensctl.report.parts import Mode
-from tensctl.report.results import Run, Term
+from tensctl.report.case import Case
+
+if TYPE_CHECKING:
+    from tensctl.linear import Mode
+    from tensctl.model import Term
+    from tensctl.simulation import Run
 
 
 @dataclass(frozen=True)
@@ -75,9 +81,6 @@ class Solves:
     kkt_worst: float
     median: float
     worst: float
-    relaxed: int
-    relaxed_most: float
-    relaxed_first: float | None
 
 
 def solves(run: Run | None) -> Solves | None:
@@ -86,18 +89,35 @@ def solves(run: Run | None) -> Solves | None:
         return None
     words, counts = np.unique(np.asarray(run.status, dtype=str), return_counts=True)
     statuses = [(str(word), int(n)) for word, n in zip(words, counts, strict=True) if word]
-    gave_way = run.relaxed > RELAXED_MORE_THAN
+    kkt = run.kkt[np.isfinite(run.kkt)]
     return Solves(
         steps=len(run.solve_time),
         statuses=tuple(sorted(statuses, key=lambda pair: -pair[1])),
-        kkt_median=float(np.median(run.kkt)),
-        kkt_worst=float(np.max(run.kkt)),
+        kkt_median=float(np.median(kkt)) if len(kkt) else np.nan,
+        kkt_worst=float(np.max(kkt)) if len(kkt) else np.nan,
         median=float(np.median(run.solve_time)),
         worst=float(np.max(run.solve_time)),
-        relaxed=int(np.count_nonzero(gave_way)),
-        relaxed_most=float(np.max(run.relaxed, initial=0.0)),
-        relaxed_first=float(run.sample_time[gave_way][0]) if gave_way.any() else None,
     )
+
+
+@dataclass(frozen=True)
+class ShapeErrors:
+    """Largest node error (mm) at the start, after the last push (None without one), and at the end."""
+
+    start: float
+    after_push: float | None
+    end: float
+
+
+def shape_errors(case: Case) -> ShapeErrors | None:
+    """None when the case does not say how far the shape was from the wanted one."""
+    if case.shape_error is None or case.run is None or not len(case.shape_error):
+        return None
+    error = 1e3 * np.asarray(case.shape_error)
+    begin = max((push.begin for push in case.pushes), default=np.inf)
+    after = error[case.run.time >= begin]
+    pushed = float(np.nanmax(after)) if np.isfinite(after).any() else None
+    return ShapeErrors(float(error[0]), pushed, float(error[-1]))
 
 
 @dataclass(frozen=True)

@@ -120,5 +120,5 @@ def _shift(slope: np.ndarray, size: np.ndarray, limit: float) -> float:
         length = np.linalg.norm(step)
         if length <= 1.001 * limit:
             break
-        mu += (length / limit - 1.0) * length**2 / float(step**2 @ (1.0 / (size + mu)))
+        mu += float((length / limit - 1.0) * length**2 / (step**2 @ (1.0 / (size + mu))))
     return mu

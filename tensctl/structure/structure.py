@@ -54,7 +54,7 @@ class Structure:
     @property
     def grounded_tendons(self) -> Bool[np.ndarray, " tendons"]:
         """Tendons between two pinned nodes: their length never changes, so they move nothing."""
-        return self.pinned[self.tendons].all(axis=1)
+        return np.asarray(self.pinned[self.tendons].all(axis=1))
 
     def as_recipe(self) -> dict:
         """The structure as the scene's `kind = "network"`: tables by label, exact to the last bit."""

@@ -19,6 +19,7 @@ from jaxtyping import Float
 
 from tensctl.linear import LinearModel, Sampled, sample_ramped
 from tensctl.synthesis.riccati import dare
+from tensctl.threads import one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,7 @@ class Condensed:
         return float(0.5 * start @ self.offset @ start)
 
 
+@one_blas_thread()
 def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> Condensed:
     """Build the condensed problem of a flexible linear model.
 

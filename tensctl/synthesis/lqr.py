@@ -27,9 +27,20 @@ _SAMPLES = 0.2
 class Measured(Protocol):
     """What a controller is shown at a sample."""
 
-    nodes: np.ndarray
-    velocities: np.ndarray
-    inputs: np.ndarray
+    @property
+    def nodes(self) -> np.ndarray:
+        """Node positions, (N, 3) m."""
+        ...
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Node velocities, (N, 3) m/s."""
+        ...
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """Rest-length changes as they are now, (nu,) m."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +82,12 @@ class LQR:
     @cached_property
     def poles(self) -> Complex[np.ndarray, " nx"]:
         """Closed-loop poles, 1/s."""
-        return np.linalg.eigvals(self.A - self.B @ self.K)
+        return np.linalg.eigvals(self.A - self.B @ self.K).astype(complex)
+
+    @property
+    def slowest(self) -> float:
+        """Real part of the slowest pole, 1/s; negative when the loop is stable."""
+        return float(np.real(self.poles).max(initial=-np.inf))
 
     def reset(self) -> None:
         """Nothing to forget."""
@@ -95,8 +111,8 @@ class LQR:
         left = np.linalg.norm(sum(terms)) / sum(np.linalg.norm(term) for term in terms)
         if not left <= tol:
             raise SynthesisError(f"the Riccati residual is {left:.1e}; at most {tol:.0e} is expected.")
-        if self.poles.size and not self.poles.real.max() < 0:
-            raise SynthesisError(f"a closed-loop pole has real part {self.poles.real.max():.2e}; < 0 is expected.")
+        if not self.slowest < 0:
+            raise SynthesisError(f"a closed-loop pole has real part {self.slowest:.2e}; < 0 is expected.")
 
 
 def lqr(linear: LinearModel, Q: np.ndarray | None = None, R: np.ndarray | None = None) -> LQR:

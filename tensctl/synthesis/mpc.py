@@ -26,6 +26,7 @@ from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.qp import QP, Solution, Solver
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.relaxed import relax
+from tensctl.threads import one_blas_thread
 
 # An answer whose KKT residual is larger is refused.
 _ACCEPT = 1e-6
@@ -151,6 +152,7 @@ class MPC:
         """The condensed problem at the end of the reference."""
         return self._piece(len(self.reference.equilibria) - 1).problem
 
+    @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0 to be reached at t + dt, m; hard limits always hold."""
         began = perf_counter()
@@ -222,7 +224,9 @@ class MPC:
             linear = self.linear
             if equilibrium is not linear.equilibrium:
                 linear = linearize(linear.dynamics, equilibrium, outputs=()).flexible
-            self._pieces[knot] = _Piece(linear, condense(linear, self.horizon, self.dt, self.weights))
+            piece = _Piece(linear, condense(linear, self.horizon, self.dt, self.weights))
+            piece.solvers[self.order[0]] = _new_solver(self.order[0], _blank(piece.problem))
+            self._pieces[knot] = piece
         return self._pieces[knot]
 
     def _solve(self, piece: _Piece, limits: Limits) -> tuple[np.ndarray, str, float]:
@@ -277,6 +281,12 @@ def _new_solver(name: str, qp: QP) -> Solver:
     from tensctl.synthesis.qp_osqp import OsqpSolver
 
     return OsqpSolver(qp)
+
+
+def _blank(problem: Condensed) -> QP:
+    """The problem at rest with room on every side: what a solver factors before the first step."""
+    room = np.ones(problem.rows.shape[0] + problem.rows.shape[1])
+    return QP(problem.H, np.zeros(problem.rows.shape[1]), problem.rows, -room, room)
 
 
 def _check_sampling(linear: LinearModel, dt: float) -> None:

@@ -64,7 +64,7 @@ def reference_optimum(
     )
     if v.value is None:
         return np.inf, np.full((N, nu), np.nan)
-    return float(statement.value), np.asarray(v.value)
+    return float(np.asarray(statement.value, float)), np.asarray(v.value)
 
 
 def _root(M: np.ndarray) -> np.ndarray:

@@ -14,13 +14,30 @@ from tensctl.statics import Equilibrium
 class Reference(Protocol):
     """Nodes, velocities, rest-length changes and tensions over time."""
 
-    equilibria: tuple[Equilibrium, ...]
+    @property
+    def equilibria(self) -> tuple[Equilibrium, ...]:
+        """Equilibria on the way, first to last."""
+        ...
 
-    def inputs_at(self, t: float | np.ndarray) -> np.ndarray: ...
-    def tensions_at(self, t: float | np.ndarray) -> np.ndarray: ...
-    def nodes_at(self, t: float) -> np.ndarray: ...
-    def velocities_at(self, t: float) -> np.ndarray: ...
-    def knot_at(self, t: float) -> int: ...
+    def inputs_at(self, t: float | np.ndarray) -> np.ndarray:
+        """Rest-length changes, (..., nu) m."""
+        ...
+
+    def tensions_at(self, t: float | np.ndarray) -> np.ndarray:
+        """Tensions, (..., nt) N."""
+        ...
+
+    def nodes_at(self, t: float) -> np.ndarray:
+        """Nodes, (N, 3) m."""
+        ...
+
+    def velocities_at(self, t: float) -> np.ndarray:
+        """Node velocities, (N, 3) m/s."""
+        ...
+
+    def knot_at(self, t: float) -> int:
+        """Index of the nearest equilibrium."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
+from tensctl.threads import one_blas_thread
 
 _STEPS = 60
 _DONE = 1e-15
@@ -44,6 +45,7 @@ class Riccati:
     residual: float
 
 
+@one_blas_thread()
 def care(A: Matrix, B: np.ndarray, Q: Matrix, R: np.ndarray) -> Riccati:
     """Solve the continuous-time equation.
 
@@ -60,6 +62,7 @@ def care(A: Matrix, B: np.ndarray, Q: Matrix, R: np.ndarray) -> Riccati:
     return Riccati(X, weighted @ X, _checked(terms))
 
 
+@one_blas_thread()
 def dare(A: Matrix, B: np.ndarray, Q: Matrix, R: np.ndarray) -> Riccati:
     """Solve the discrete-time equation.
 

@@ -20,6 +20,7 @@ from tensctl.statics import Equilibrium, settle
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
 from tensctl.synthesis.target import Height
+from tensctl.threads import one_blas_thread
 
 _STEPS = 200
 # The height is met to this part of itself; the least change of u to this part of its largest entry.
@@ -42,6 +43,7 @@ class ShapeProblem:
     height: Height
     tension_min: float
 
+    @one_blas_thread()
     def solve(self, start: Equilibrium, wanted: float) -> Equilibrium:
         """The equilibrium of the wanted height with the least rest-length change.
 

@@ -58,7 +58,7 @@ function inkByTension(motion, themes) {
   return (k) => {
     if (!motion.stressed) return { levels: themes.now.plain, width: 1.5, dashed: false };
     if (motion.slack[k]) return { levels: themes.now.slack, width: 1.1, dashed: true };
-    const share = Math.min(1, motion.tension[k] / motion.tensionMax);
+    const share = Math.min(1, motion.tension[k] / motion.tensionScale);
     return { levels: themes.now.ramp[Math.round(share * (RAMP_STEPS - 1))], width: 1.3 + 2.2 * share, dashed: false };
   };
 }
