@@ -18,7 +18,7 @@ def repeat(data, q, rest, external, count):
     nodes, forces, push = data.anchor.copy(), np.zeros_like(external), np.zeros_like(q)
     taut = np.zeros(rest.size, np.int64)
     total = 0.0
-    for k in range(count):
+    for _ in range(count):
         q[0, 0] += 1e-12
         place_nodes(data, q, nodes)
         elastic_forces(data, nodes, rest, external, forces, taut)

@@ -30,7 +30,8 @@ run = tc.simulate(
 error = 1e3 * run.distance_to(path.target_nodes)
 for moment in (0.0, 3.0, 5.0, 5.1, 6.0, 7.0, 8.0, 10.0):
     k = int(np.abs(run.time - moment).argmin())
-    print(f"t = {run.time[k]:5.2f} s  {error[k]:9.4f} mm from the wanted shape, lowest tension {run.tensions[k].min():.3f} N")
+    lowest = run.tensions[k].min()
+    print(f"t = {run.time[k]:5.2f} s  {error[k]:9.4f} mm from the wanted shape, lowest tension {lowest:.3f} N")
 print(f"QP: median {1e3 * np.median(run.solve_time):.2f} ms, worst KKT residual {np.nanmax(run.kkt):.1e}")
 print(f"rods kept their lengths to {run.rod_drift:.1e}")
 run.verify()

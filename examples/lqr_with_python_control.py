@@ -33,15 +33,17 @@ for mode in report.modes[:2]:
 # The flexible part as a labelled control.StateSpace; 6 rigid-body motions are no tendon's business.
 plant = linear.flexible.to_statespace()
 print(f"plant: {plant.nstates} states, {plant.ninputs} inputs, {plant.noutputs} outputs")
-print(f"open loop, fastest pole: {np.abs(plant.poles()).max():.2f} rad/s, damping {-plant.poles().real.max():.1e} 1/s")
+print(
+    f"open loop: fastest pole {np.abs(plant.poles()).max():.2f} rad/s, damping {-np.real(plant.poles()).max():.1e} 1/s"
+)
 
 # The same weights in both: twice the energy, and k u^2.
 own = tc.lqr(linear)
 K, _, poles = ct.lqr(plant, own.Q, own.R)
-print(f"gains differ by {np.abs(K - own.K).max() / np.abs(K).max():.1e}, slowest pole {poles.real.max():.3f} 1/s")
+print(f"gains differ by {np.abs(K - own.K).max() / np.abs(K).max():.1e}, slowest pole {np.real(poles).max():.3f} 1/s")
 
 # Shorten one tendon's command by 10 mm in closed loop and look at one node.
-loop = ct.ss(plant.A - plant.B @ K, plant.B, plant.C - plant.D @ K, plant.D, name="closed_loop")
+loop = ct.StateSpace(plant.A - plant.B @ K, plant.B, plant.C - plant.D @ K, plant.D, name="closed_loop")
 loop.update_names(inputs=plant.input_labels, outputs=plant.output_labels)
 tendon, node = loop.input_labels.index("u_t5_1_1"), loop.output_labels.index("P4_1_1_z")
 response = ct.step_response(0.01 * loop[node, tendon], timepts=np.linspace(0, 6, 400))

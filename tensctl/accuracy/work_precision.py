@@ -83,10 +83,12 @@ class WorkPrecision:
 
     def table(self) -> str:
         """The attempts as aligned text, then the setting to use."""
-        head = f"{'method':11} {'tol':>7} {'error [m]':>10} {'time [s]':>10} {'rhs':>8} {'rod drift':>10} {'energy':>10}"
-        lines = [head]
+        names = ("error [m]", "time [s]", "rhs", "rod drift", "energy")
+        lines = [" ".join([f"{'method':11} {'tol':>7}", *(f"{name:>10}" for name in names)])]
         for a in self.attempts:
-            numbers = f"{a.error:10.1e} {a.seconds:10.2e} {a.evaluations:8d} {a.rod_drift:10.1e} {a.energy_drift:10.1e}"
+            numbers = (
+                f"{a.error:10.1e} {a.seconds:10.2e} {a.evaluations:10d} {a.rod_drift:10.1e} {a.energy_drift:10.1e}"
+            )
             lines.append(f"{a.method:11} {a.tol:7.0e} {numbers}" if not a.failure else f"{a.method:11} {a.failure}")
         lines.append(f"over {self.t_end:g} s; the reference itself is good to {self.reference_error:.0e} m")
         for wanted in (1e-6, 1e-9):

@@ -1,6 +1,6 @@
 """Static reach: how far the structure moves when rest lengths change slowly.
 
-    H dxi = G du,   so  d(xi)/d(u) = Phi diag(1/omega^2) Phi' G over the modes with stiffness
+H dxi = G du,   so  d(xi)/d(u) = Phi diag(1/omega^2) Phi' G over the modes with stiffness
 """
 
 from __future__ import annotations

@@ -64,12 +64,9 @@ def _judge(linear, coupling, labels, distances, why_not) -> tuple[ModeVerdict, .
             verdict = decide(gain, largest)
             reason = "" if verdict == "yes" else why_not(linear, mode, position, verdict, int(driven))
             distance = gain / np.sqrt(2) if distances is None else min(distances[position], gain)
-            verdicts.append(
-                ModeVerdict(
-                    mode.index, mode.frequency, mode.kind, mode.multiplicity, float(gain), float(distance),
-                    strongest if verdict == "yes" else (), verdict, reason,
-                )  # fmt: skip
-            )
+            shown = strongest if verdict == "yes" else ()
+            facts = (mode.index, mode.frequency, mode.kind, mode.multiplicity)
+            verdicts.append(ModeVerdict(*facts, float(gain), float(distance), shown, verdict, reason))
     return tuple(verdicts)
 
 

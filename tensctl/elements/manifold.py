@@ -44,9 +44,7 @@ class RodManifold:
     def of(cls, structure: Structure) -> RodManifold:
         """The manifold of a structure with its rods and pins."""
         held = structure.pinned[structure.rods]
-        hold = np.select(
-            [held.all(axis=1), held[:, 0], held[:, 1]], [Hold.FIXED, Hold.TAIL, Hold.HEAD], Hold.FREE
-        )
+        hold = np.select([held.all(axis=1), held[:, 0], held[:, 1]], [Hold.FIXED, Hold.TAIL, Hold.HEAD], Hold.FREE)
         return cls(structure.rods, hold.astype(int), structure.rod_lengths, len(structure.nodes))
 
     @cached_property
@@ -131,9 +129,7 @@ class RodManifold:
             columns.append(np.broadcast_to(column[:, :, None], row.shape).ravel())
             values.append((self.sign[at, side][:, None, None] * frames[at]).ravel())
         index = (np.concatenate(rows), np.concatenate(columns))
-        return sp.csr_array(
-            sp.coo_array((np.concatenate(values), index), shape=(3 * self.node_count, self.size))
-        )
+        return sp.csr_array(sp.coo_array((np.concatenate(values), index), shape=(3 * self.node_count, self.size)))
 
     def curvature(
         self, nodes: Float[np.ndarray, "nodes 3"], gradient: Float[np.ndarray, "nodes 3"]
@@ -150,9 +146,7 @@ class RodManifold:
     ) -> Float[np.ndarray, "nodes 3"]:
         """Nodes after a step in tangent coordinates, exactly on the manifold."""
         e, tau = self.directions(nodes), np.zeros((len(self.rods), 3))
-        tau[self.moving] = np.einsum(
-            "rk,rki->ri", step[self.direction_columns], self.frames(nodes)[self.moving]
-        )
+        tau[self.moving] = np.einsum("rk,rki->ri", step[self.direction_columns], self.frames(nodes)[self.moving])
         angle = np.linalg.norm(tau, axis=1) / self.lever
         turned = np.cos(angle)[:, None] * e + (np.sinc(angle / np.pi) / self.lever)[:, None] * tau
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)

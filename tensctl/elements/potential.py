@@ -1,6 +1,6 @@
 """The potential energy of a structure on the rods' manifold, with exact first and second derivatives.
 
-    V(xi) = sum_t V_t - sum_nodes w . (p - p_initial),   gradient J' V_p,   Hessian J' V_pp J + curvature
+V(xi) = sum_t V_t - sum_nodes w . (p - p_initial),   gradient J' V_p,   Hessian J' V_pp J + curvature
 """
 
 from __future__ import annotations

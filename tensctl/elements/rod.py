@@ -49,9 +49,7 @@ def rod_acceleration(hold: Hold) -> ca.Function:
     if hold is Hold.FREE:
         f1, f2 = ca.SX.sym("f1", 3), ca.SX.sym("f2", 3)
         outputs = [2 / m * (f1 + f2), _turning(q2, v2, f2 - f1, 6 / m)]
-        return ca.Function(
-            "rod_free", [q2, v2, f1, f2, m], outputs, ["q2", "v2", "f1", "f2", "m"], ["a1", "a2"]
-        )
+        return ca.Function("rod_free", [q2, v2, f1, f2, m], outputs, ["q2", "v2", "f1", "f2", "m"], ["a1", "a2"])
     if hold is Hold.FIXED:
         raise ValueError("a rod with both ends on the ground does not move and has no acceleration.")
     f = ca.SX.sym("f", 3)

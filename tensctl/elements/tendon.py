@@ -81,6 +81,4 @@ def tendon_tension(law: Law, *, damped: bool) -> ca.Function:
         return ca.Function(f"tendon_tension_{law}", [d, L, k], [T], ["d", "L", "k"], ["T"])
     v, c = ca.SX.sym("v", 3), ca.SX.sym("c")
     T = ca.if_else(length > L, ca.fmax(0.0, tension + c * ca.dot(d, v) / length), 0.0)
-    return ca.Function(
-        f"tendon_tension_{law}_damped", [d, v, L, k, c], [T], ["d", "v", "L", "k", "c"], ["T"]
-    )
+    return ca.Function(f"tendon_tension_{law}_damped", [d, v, L, k, c], [T], ["d", "v", "L", "k", "c"], ["T"])

@@ -220,8 +220,8 @@ def linearize(
     if edge.any() and not equilibrium.point.at_ease:
         label = dynamics.structure.tendon_labels[int(edge.argmax())]
         raise LinearizationError(
-            f"tendon {label} is {stretch[edge.argmax()]:.1e} m from slack, so the structure has two linear models here; "
-            "change its rest length a little."
+            f"tendon {label} is {stretch[edge.argmax()]:.1e} m from slack, so the structure has two linear models "
+            "here; change its rest length a little."
         )
     if equilibrium.point.at_ease:
         raise LinearizationError("every tendon is slack, so nothing holds the shape; shorten the rest lengths.")

@@ -1,6 +1,6 @@
 """Modes of vibration: mass-normalised shapes, named and grouped.
 
-    H phi = omega^2 M phi,   phi' M phi = 1
+H phi = omega^2 M phi,   phi' M phi = 1
 """
 
 from __future__ import annotations

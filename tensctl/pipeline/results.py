@@ -58,5 +58,17 @@ class Results:
     @property
     def shape_error(self) -> np.ndarray | None:
         """Largest distance of a node to the wanted shape at each recorded time, m; None for an uncontrolled run."""
-        steered = self.scene.simulation is not None and self.scene.simulation.controller != "none"
-        return self.run.distance_to(self.wanted.nodes) if self.run is not None and steered else None
+        if self.run is None or self.scene.simulation is None or self.scene.simulation.controller == "none":
+            return None
+        return distance_in_frame(self.wanted, self.run)
+
+
+def distance_in_frame(wanted: Equilibrium, run: Run) -> np.ndarray:
+    """Largest distance of a node to the wanted shape, m; a free structure is measured in its co-moving frame."""
+    if run.structure.pinned.any():
+        return run.distance_to(wanted.nodes)
+    from tensctl.linear import best_fit
+
+    moments = zip(run.nodes, run.velocities, strict=True)
+    seen = [best_fit(wanted.potential, wanted.nodes, nodes, rates).nodes(nodes) for nodes, rates in moments]
+    return np.linalg.norm(np.stack(seen) - wanted.nodes, axis=2).max(axis=1)

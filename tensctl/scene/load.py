@@ -23,14 +23,10 @@ def load_scene(path: str | PathLike[str]) -> Scene:
         A file that cannot be read or is not in its format (with line and column), or what `Scene` refuses.
     """
     path = Path(path)
-    read: tuple[str, Callable[[str], Any]] = (
-        ("JSON", _json) if path.suffix == ".json" else ("TOML", tomllib.loads)
-    )
+    read: tuple[str, Callable[[str], Any]] = ("JSON", _json) if path.suffix == ".json" else ("TOML", tomllib.loads)
     content = _parsed(path, _text(path), *read)
     if not isinstance(content, dict):
-        raise SceneError(
-            f"{path}: the file holds {shown(content)}; expected a table with a section structure."
-        )
+        raise SceneError(f"{path}: the file holds {shown(content)}; expected a table with a section structure.")
     try:
         return Scene(**content)
     except SceneError as error:

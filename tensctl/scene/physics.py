@@ -49,9 +49,7 @@ class Tendons(Section):
 class Gravity(Section):
     """`[gravity]`: `g` is a number, downwards (-z), or a vector."""
 
-    g: Annotated[float | tuple[float, float, float], Either(Number("m/s^2"), Vector("m/s^2"))] = (
-        STANDARD_GRAVITY
-    )
+    g: Annotated[float | tuple[float, float, float], Either(Number("m/s^2"), Vector("m/s^2"))] = STANDARD_GRAVITY
 
 
 class Drag(Section):

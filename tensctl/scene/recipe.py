@@ -40,9 +40,7 @@ class PrismRecipe(Section):
     n: Annotated[int, Number(least=3, whole=True)]
     radius: Metres = 1.0
     height: Metres = 1.0
-    twist: Annotated[float, Number("rad")] = Field(
-        default_factory=lambda given: prestressed_twist(given["n"])
-    )
+    twist: Annotated[float, Number("rad")] = Field(default_factory=lambda given: prestressed_twist(given["n"]))
     pins: Pins = ()
 
 

@@ -1,6 +1,6 @@
 """Energy and momentum of recorded motion: what an undamped, unpushed structure keeps.
 
-    E = sum m |q1'|^2/8 + m |q2'|^2/24 (free rods), m |q2'|^2/6 (rods turning about a pin), plus the potential
+E = sum m |q1'|^2/8 + m |q2'|^2/24 (free rods), m |q2'|^2/6 (rods turning about a pin), plus the potential
 """
 
 from __future__ import annotations

@@ -104,7 +104,9 @@ def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Integra
         method = "dopri5" if dynamics.damped else "splitting4"
     if method == "splitting4":
         if dynamics.damped:
-            raise SimulationError("splitting4 moves undamped scenes only, and this one has dampers or drag; use dopri5.")
+            raise SimulationError(
+                "splitting4 moves undamped scenes only, and this one has dampers or drag; use dopri5."
+            )
         return Splitting4(dynamics, min(_STEP * tol**0.25, _LONGEST) / rate)
     return Dopri5(dynamics, tol, rate)
 
@@ -143,9 +145,7 @@ def state_at(
     structure = dynamics.structure
     for name, array in (("nodes", nodes), ("velocities", velocities)):
         if array.shape != structure.nodes.shape or not np.isfinite(array).all():
-            raise SimulationError(
-                f"start {name} have shape {array.shape}; finite {structure.nodes.shape} is expected."
-            )
+            raise SimulationError(f"start {name} have shape {array.shape}; finite {structure.nodes.shape} is expected.")
     q, v = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities)
     stretch = np.abs(np.linalg.norm(q[:, 3:], axis=1) / structure.rod_lengths - 1)
     if stretch.max(initial=0.0) > 1e-9:

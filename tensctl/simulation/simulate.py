@@ -63,14 +63,21 @@ class Measurement:
 class Controller(Protocol):
     """Anything that turns measurements into the total rest-length change u."""
 
-    def step(self, t: float, measurement: Measurement) -> np.ndarray: ...
-    def reset(self) -> None: ...
+    def step(self, t: float, measurement: Measurement) -> np.ndarray:
+        """Total rest-length change u from L0, (nu,) m, to be reached at the end of the period."""
+        ...
+
+    def reset(self) -> None:
+        """Forget what earlier runs left behind."""
+        ...
 
 
 class Counter(Protocol):
     """What shows the progress of a run."""
 
-    def advance(self, n: int = 1) -> None: ...
+    def advance(self, n: int = 1) -> None:
+        """Count n more steps as done."""
+        ...
 
 
 def simulate(

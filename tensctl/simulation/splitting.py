@@ -121,9 +121,7 @@ def advance(data, q, v, t0, t1, steps, rest0, rate, external, kicks, drifts, dep
                 t += drifts[stage] * h
                 if stage == drifts.size - 1:
                     _tidy(data, q, v)
-                flips += _forces_at(
-                    data, q, t, t0, rest, rest0, rate, ramped, external, nodes, forces, push, taut
-                )
+                flips += _forces_at(data, q, t, t0, rest, rest0, rate, ramped, external, nodes, forces, push, taut)
                 evaluations += 1
                 if flips > 0 and level < depth:
                     break

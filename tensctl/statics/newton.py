@@ -1,12 +1,12 @@
 """Newton on the rods' manifold with a trust region and absolute curvatures.
 
-Each step solves (|H| + mu I) s = -g in the eigenbasis of the Hessian: negative curvatures are taken by their
-size, so a saddle repels instead of attracts, and mu >= 0 keeps the step within the trust region. Tendons that go
-slack or taut bend the gradient but never break it, so the method is a semismooth Newton there.
+Each step solves (|H| + mu I) s = -g in the eigenbasis of the Hessian: negative curvatures are taken by their size, so
+a saddle repels instead of attracts, and mu >= 0 keeps the step within the trust region. Tendons that go slack or taut
+bend the gradient but never break it, so the method is a semismooth Newton there.
 
-Rigid-body motions, which the energy of an unloaded structure does not see, are known in closed form and get the
-largest curvature, so rounding cannot send the structure on its way along them. Other curvatures below 1e-15 of the largest are noise and
-get no step.
+Rigid-body motions, which the energy of an unloaded structure does not see, are known in closed form and get the largest
+curvature, so rounding cannot send the structure on its way along them. Other curvatures below 1e-15 of the largest are
+noise and get no step.
 """
 
 from __future__ import annotations

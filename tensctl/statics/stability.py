@@ -1,6 +1,6 @@
 """Is the rest stable? The eigenvalues of the Riemannian Hessian against the mass matrix say so.
 
-    H phi = omega^2 M phi, with the rigid-body motions R (H R = 0) taken out exactly
+H phi = omega^2 M phi, with the rigid-body motions R (H R = 0) taken out exactly
 """
 
 from __future__ import annotations

@@ -95,7 +95,8 @@ def _check_finite(structure: Structure) -> None:
     if bad.any():
         i = int(bad.argmax())
         raise StructureError(
-            f"node {structure.node_labels[i]} is at {structure.nodes[i].tolist()}; coordinates must be finite numbers in m."
+            f"node {structure.node_labels[i]} is at {structure.nodes[i].tolist()}; "
+            "coordinates must be finite numbers in m."
         )
 
 

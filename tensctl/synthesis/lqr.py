@@ -20,7 +20,7 @@ from tensctl.linear import LinearModel, sample_ramped
 from tensctl.synthesis.condensed import input_stiffness
 from tensctl.synthesis.riccati import care
 
-# First sample time tried: this part of the time constant of the fastest pole of open and closed loop.
+# First sample time tried: this part of a radian of the fastest mode.
 _SAMPLES = 0.2
 
 
@@ -150,8 +150,7 @@ def lqr(linear: LinearModel, Q: np.ndarray | None = None, R: np.ndarray | None =
 
 def _sample_time(linear: LinearModel, K: np.ndarray) -> float:
     """Longest tried period at which the sampled, ramped loop is stable: commands arrive one period late."""
-    fastest = max(np.abs(np.linalg.eigvals(M)).max() for M in (linear.A, linear.A - linear.B @ K))
-    dt = _SAMPLES / fastest
+    dt = _SAMPLES / max(np.sqrt(max(mode.omega2, 0.0)) for mode in linear.modes)
     for _ in range(12):
         A, B = sample_ramped(linear.A, linear.B, dt).with_input_state()
         loop = A - B @ np.hstack([K, np.zeros((len(K), len(K)))])

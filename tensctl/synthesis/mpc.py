@@ -32,6 +32,8 @@ from tensctl.threads import one_blas_thread
 _ACCEPT = 1e-6
 # Planned equilibria between two linear models: on the (3,1) mast every second one tracks as well as every one.
 _STRIDE = 2
+# Most variables of the dense condensed problem: its matrices then take about half a gigabyte for each linear model.
+_LARGEST = 4000
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,7 @@ class MPC:
         self._pieces: dict[int, _Piece] = {}
         self._plan: np.ndarray | None = None
         self.records: list[StepRecord] = []
+        _check_size(self.linear, horizon)
         _check_sampling(self.linear, dt)
         for knot in range(len(self.reference.equilibria)):
             self._piece(knot)
@@ -287,6 +290,15 @@ def _blank(problem: Condensed) -> QP:
     """The problem at rest with room on every side: what a solver factors before the first step."""
     room = np.ones(problem.rows.shape[0] + problem.rows.shape[1])
     return QP(problem.H, np.zeros(problem.rows.shape[1]), problem.rows, -room, room)
+
+
+def _check_size(linear: LinearModel, horizon: int) -> None:
+    variables = horizon * len(linear.inputs)
+    if variables > _LARGEST:
+        raise SynthesisError(
+            f"mpc.horizon = {horizon} with {len(linear.inputs)} inputs makes {variables} variables; the condensed problem "
+            f"takes at most {_LARGEST}, so shorten the horizon or choose fewer actuators.tendons."
+        )
 
 
 def _check_sampling(linear: LinearModel, dt: float) -> None:

@@ -59,9 +59,7 @@ def reference_optimum(
     limits += [v[i, j] >= input_lower[i, j] for i, j in zip(*np.nonzero(np.isfinite(input_lower)), strict=True)]
     limits.append(v <= input_upper)
     statement = cp.Problem(cp.Minimize(cost), limits)
-    statement.solve(
-        solver=cp.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12, tol_ktratio=1e-12
-    )
+    statement.solve(solver=cp.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12, tol_ktratio=1e-12)
     if v.value is None:
         return np.inf, np.full((N, nu), np.nan)
     return float(np.asarray(statement.value, float)), np.asarray(v.value)

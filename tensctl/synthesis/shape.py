@@ -3,9 +3,9 @@
     minimise |u|^2   subject to   h(p(u)) = wanted,   T(u) >= tension_min,   L0 - u >= floor
 
 p(u) is the equilibrium itself, so every iterate balances. Sequential quadratic programming with the exact static
-influence dp/du = J Phi diag(1/omega^2) Phi'G: constraints converge as Newton does, the minimum linearly. The curvature of
-h is not in the quadratic model; where it makes the iterates swing from side to side, a proximal term sigma |u - u_now|^2
-is added, which moves neither the constraints nor the minimum.
+influence dp/du = J Phi diag(1/omega^2) Phi'G: constraints converge as Newton does, the minimum linearly. The curvature
+of h is not in the quadratic model; where it makes the iterates swing from side to side, a proximal term
+sigma |u - u_now|^2 is added, which moves neither the constraints nor the minimum.
 """
 
 from __future__ import annotations
