@@ -296,7 +296,7 @@ def _check_size(linear: LinearModel, horizon: int) -> None:
     variables = horizon * len(linear.inputs)
     if variables > _LARGEST:
         raise SynthesisError(
-            f"mpc.horizon = {horizon} with {len(linear.inputs)} inputs makes {variables} variables; the condensed problem "
+            f"mpc.horizon = {horizon} with {len(linear.inputs)} inputs makes {variables} variables; the problem "
             f"takes at most {_LARGEST}, so shorten the horizon or choose fewer actuators.tendons."
         )
 
