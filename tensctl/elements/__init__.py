@@ -1,6 +1,7 @@
 """The physics, stated once: what a rod and a tendon store, pull and how they move."""
 
 from tensctl.elements.assembly import TendonTerms, scatter_blocks, tendon_terms
+from tensctl.elements.jointed import JointedManifold
 from tensctl.elements.manifold import RodManifold
 from tensctl.elements.potential import Potential, PotentialPoint
 from tensctl.elements.rod import Hold, rod_acceleration, rod_energy
@@ -8,6 +9,7 @@ from tensctl.elements.tendon import tendon_energy, tendon_statics, tendon_tensio
 
 __all__ = [
     "Hold",
+    "JointedManifold",
     "Potential",
     "PotentialPoint",
     "RodManifold",

@@ -141,6 +141,19 @@ class RodManifold:
         diagonal[self.direction_columns] = (-along / self.lever)[self.moving, None]
         return diagonal
 
+    def bend(self, nodes: Float[np.ndarray, "nodes 3"], gradient: Float[np.ndarray, "nodes 3"]) -> sp.dia_array:
+        """What the bend of the manifold adds to the Hessian, (size, size) N/m."""
+        return sp.diags_array(self.curvature(nodes, gradient))
+
+    def coordinates_of(
+        self, nodes: Float[np.ndarray, "nodes 3"], motion: Float[np.ndarray, "coordinates k"]
+    ) -> Float[np.ndarray, "size k"]:
+        """Tangent coordinates of nodal displacements (3N, k) that keep rods rigid."""
+        ends = np.zeros(self.size)
+        ends[self.centre_columns] = 2.0
+        ends[self.direction_columns] = np.where(self.hold[self.moving] == Hold.FREE, 2.0, 1.0)[:, None]
+        return (self.tangent(nodes).T @ motion) / ends[:, None]
+
     def retract(
         self, nodes: Float[np.ndarray, "nodes 3"], step: Float[np.ndarray, " size"]
     ) -> Float[np.ndarray, "nodes 3"]:

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from tensctl.elements.assembly import TendonTerms, tendon_terms
+from tensctl.elements.jointed import JointedManifold
 from tensctl.elements.manifold import RodManifold
 from tensctl.structure import Members, Structure, build_members, build_structure
 
@@ -31,13 +32,16 @@ class Potential:
 
     structure: Structure
     members: Members
-    manifold: RodManifold
+    manifold: RodManifold | JointedManifold
 
     @classmethod
     def of(cls, scene: Scene) -> Potential:
         """The potential of a scene."""
         structure = build_structure(scene)
-        return cls(structure, build_members(scene, structure), RodManifold.of(structure))
+        members = build_members(scene, structure)
+        if structure.jointed:
+            return cls(structure, members, JointedManifold.of(structure, members.mass))
+        return cls(structure, members, RodManifold.of(structure))
 
     def at(
         self, nodes: Float[np.ndarray, "nodes 3"], rest_lengths: Float[np.ndarray, " tendons"] | None = None
@@ -91,9 +95,8 @@ class PotentialPoint:
     @cached_property
     def hessian(self) -> sp.csr_array:
         """Riemannian Hessian in tangent coordinates, N/m."""
-        curvature = self.potential.manifold.curvature(self.nodes, -self.nodal_forces)
         elastic = self.tangent.T @ self.terms.stiffness @ self.tangent
-        return sp.csr_array(elastic + sp.diags_array(curvature))
+        return sp.csr_array(elastic + self.potential.manifold.bend(self.nodes, -self.nodal_forces))
 
     @cached_property
     def input_map(self) -> sp.csr_array:

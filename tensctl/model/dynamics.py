@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.elements import Potential
+from tensctl.errors import StructureError
 from tensctl.model.damping import resolve_damping
 from tensctl.model.explain import Term, as_table, explain
 from tensctl.model.symbolic import SymbolicModel, coordinate_count, symbolic_model
@@ -155,5 +156,10 @@ def build_dynamics(scene: Scene) -> Dynamics:
         A damping ratio for a structure without a stable equilibrium.
     """
     potential = Potential.of(scene)
+    if potential.structure.jointed:
+        raise StructureError(
+            "this structure has rods that share a node; its equilibrium and stability can be found, but joints in motion "
+            "are not supported yet."
+        )
     damping, drag = resolve_damping(potential)
     return Dynamics(potential, damping, drag)

@@ -28,8 +28,12 @@ class ShellRecipe(Section):
     primal: bool = Field(default=False, strict=True)
     radius: Metres = 1.0
     height: Metres = 1.0
-    overlap: Annotated[float, Number("m")] = 0.3
-    twist: Annotated[float, Number("rad")] = 1.4
+    overlap: Annotated[float, Number("m")] = Field(
+        default_factory=lambda given: 0.3 if given["cls"] == 1 else given["height"] / 2
+    )
+    twist: Annotated[float, Number("rad")] = Field(
+        default_factory=lambda given: 1.4 if given["cls"] == 1 else 2 * math.pi / given["n"]
+    )
     pins: Pins = ()
 
 

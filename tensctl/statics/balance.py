@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.elements import Hold, PotentialPoint
+from tensctl.elements import Hold, JointedManifold, PotentialPoint
 
 
 def rod_forces(point: PotentialPoint) -> Float[np.ndarray, " rods"]:
@@ -18,9 +18,26 @@ def rod_forces(point: PotentialPoint) -> Float[np.ndarray, " rods"]:
     Source: [W] section 3, in member vectors.
     """
     manifold = point.potential.manifold
+    if isinstance(manifold, JointedManifold):
+        return _shared_forces(point)
     pull = (manifold.sign[:, :, None] * point.nodal_forces[manifold.rods]).sum(axis=1)
     share = np.where(manifold.hold == Hold.FREE, 0.5, 1.0)
     return -share * np.einsum("ri,ri->r", manifold.directions(point.nodes), pull)
+
+
+def _shared_forces(point: PotentialPoint) -> Float[np.ndarray, " rods"]:
+    """Best rod forces where rods share nodes: least squares over all free nodes at once.
+
+    Loops of rods can carry prestress of their own; of all answers this is the one of least norm.
+    """
+    manifold, structure = point.potential.manifold, point.potential.structure
+    e, rods = manifold.directions(point.nodes), np.arange(len(structure.rods))
+    push = np.zeros((len(structure.nodes), 3, rods.size))
+    push[structure.rods[:, 0], :, rods] = -e
+    push[structure.rods[:, 1], :, rods] = e
+    free = ~structure.pinned
+    forces, *_ = np.linalg.lstsq(push[free].reshape(-1, rods.size), -point.nodal_forces[free].ravel(), rcond=1e-12)
+    return forces
 
 
 def unbalanced(point: PotentialPoint) -> Float[np.ndarray, "nodes 3"]:

@@ -43,7 +43,7 @@ def rigid_motions(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) -> 
     if fields.shape[1] == 0 or manifold.size == 0:
         return RigidMotions(np.zeros((manifold.size, 0)), ())
     motion = _nodal(nodes, centre) @ fields
-    coordinates = (manifold.tangent(nodes).T @ motion) * _inverse_weights(potential)[:, None]
+    coordinates = manifold.coordinates_of(nodes, motion)
     free = not potential.structure.pinned.any()
     basis, turned = _orthonormal(coordinates, mass, free)
     return RigidMotions(basis, _names(fields @ turned))
@@ -62,16 +62,6 @@ def _nodal(nodes: np.ndarray, centre: np.ndarray) -> np.ndarray:
     for k in range(3):
         motion[:, :, 3 + k] = np.cross(np.eye(3)[k], nodes - centre)
     return motion.reshape(-1, 6)
-
-
-def _inverse_weights(potential: Potential) -> np.ndarray:
-    """(J'J)^-1, diagonal: a free rod has two ends, a held rod one."""
-    manifold = potential.manifold
-    weights = np.ones(manifold.size)
-    weights[manifold.centre_columns] = 0.5
-    both = manifold.hold[manifold.moving] == 0
-    weights[manifold.direction_columns] = np.where(both, 0.5, 1.0)[:, None]
-    return weights
 
 
 def _allowed(nodes: np.ndarray, centre: np.ndarray, pinned: np.ndarray) -> np.ndarray:

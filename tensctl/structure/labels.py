@@ -12,6 +12,11 @@ from jaxtyping import Bool, Float
 from tensctl.errors import StructureError
 
 
+def names_of(label: str) -> tuple[str, ...]:
+    """The label itself, and the labels of its parts when it was merged from several (`t1_2_2+t4_2_2`)."""
+    return (label, *label.split("+")) if "+" in label else (label,)
+
+
 def matches(labels: Sequence[str], pattern: str, key: str) -> list[int]:
     """Indices of the labels that a pattern names.
 
@@ -20,7 +25,7 @@ def matches(labels: Sequence[str], pattern: str, key: str) -> list[int]:
     StructureError
         When none does; the sentence names the key, the pattern and the nearest label.
     """
-    found = [i for i, label in enumerate(labels) if fnmatchcase(label, pattern)]
+    found = [i for i, label in enumerate(labels) if any(fnmatchcase(name, pattern) for name in names_of(label))]
     if not found:
         near = difflib.get_close_matches(pattern, labels, n=1, cutoff=0.0)
         hint = f"; the nearest label is {near[0]}" if near else ""
@@ -57,3 +62,21 @@ def by_label(
             f'{key}: no entry for {labels[int(missing.argmax())]}; add it, or a first line "*" = value for all others.'
         )
     return result
+
+
+def by_part(
+    labels: Sequence[str], values: float | Mapping[str, float], key: str, default: float | None = None
+) -> list[Float[np.ndarray, " parts"]]:
+    """The values of `by_label`, one array a label with one entry for each of its parts."""
+    parts = [label.split("+") for label in labels]
+    flat = by_label([name for names in parts for name in names], _spread(values, labels), key, default)
+    last = np.cumsum([len(names) for names in parts])
+    return [flat[end - len(names) : end] for end, names in zip(last, parts, strict=True)]
+
+
+def _spread(values: float | Mapping[str, float], labels: Sequence[str]) -> float | Mapping[str, float]:
+    """A table whose whole labels of merged members are spelled out as their parts."""
+    if not isinstance(values, Mapping):
+        return values
+    whole = {label for label in labels if "+" in label}
+    return {name: value for key, value in values.items() for name in (key.split("+") if key in whole else (key,))}

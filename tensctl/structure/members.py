@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from tensctl.errors import StructureError
 from tensctl.scene import Ratio
-from tensctl.structure.labels import by_label, matches, select
+from tensctl.structure.labels import by_label, by_part, matches, select
 from tensctl.structure.structure import Structure
 
 if TYPE_CHECKING:
@@ -94,10 +94,10 @@ def build_members(scene: Scene, structure: Structure) -> Members:
     return Members(
         mass=mass,
         law=law,
-        stiffness=by_label(structure.tendon_labels, given, f"tendons.{key}"),
+        stiffness=_summed(structure, given, f"tendons.{key}"),
         rest_lengths=rest,
         floors=scene.actuators.floor * rest,
-        damping=by_label(structure.tendon_labels, damping, "tendons.damping", default=0.0),
+        damping=_summed(structure, damping, "tendons.damping", default=0.0),
         damping_ratio=damping_ratio,
         drag=drag,
         drag_ratio=drag_ratio,
@@ -109,6 +109,23 @@ def build_members(scene: Scene, structure: Structure) -> Members:
     )
 
 
+def _summed(structure: Structure, values, key: str, default: float | None = None) -> np.ndarray:
+    """Values of tendons; tendons merged side by side add up."""
+    return np.array([parts.sum() for parts in by_part(structure.tendon_labels, values, key, default)])
+
+
+def _common(structure: Structure, values, key: str) -> np.ndarray:
+    """Values of tendons; tendons merged side by side must have the same."""
+    parts = by_part(structure.tendon_labels, values, key)
+    for label, numbers in zip(structure.tendon_labels, parts, strict=True):
+        if np.ptp(numbers) > 0:
+            raise StructureError(
+                f"{key}: {label} is one tendon made of several side by side, which need one value, "
+                f"not {', '.join(f'{number:g}' for number in numbers)}."
+            )
+    return np.array([numbers[0] for numbers in parts])
+
+
 def _coefficient_or_ratio(given: T | Ratio) -> tuple[T | float, float | None]:
     """The coefficient and no ratio, or no coefficient yet and the ratio."""
     return (0.0, given.ratio) if isinstance(given, Ratio) else (given, None)
@@ -117,10 +134,10 @@ def _coefficient_or_ratio(given: T | Ratio) -> tuple[T | float, float | None]:
 def _rest_lengths(scene: Scene, structure: Structure) -> np.ndarray:
     tendons = scene.tendons
     if tendons.rest_length is not None:
-        return by_label(structure.tendon_labels, tendons.rest_length, "tendons.rest_length")
+        return _common(structure, tendons.rest_length, "tendons.rest_length")
     if tendons.rest_ratio is None:
         raise StructureError("tendons have neither rest_ratio nor rest_length; give one of them.")
-    ratio = by_label(structure.tendon_labels, tendons.rest_ratio, "tendons.rest_ratio")
+    ratio = _common(structure, tendons.rest_ratio, "tendons.rest_ratio")
     rest = ratio * structure.tendon_lengths
     if not (rest > 0).all():
         label = structure.tendon_labels[int((rest <= 0).argmax())]

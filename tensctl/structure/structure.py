@@ -56,6 +56,12 @@ class Structure:
         """Tendons between two pinned nodes: their length never changes, so they move nothing."""
         return np.asarray(self.pinned[self.tendons].all(axis=1))
 
+    @property
+    def jointed(self) -> bool:
+        """Whether rods share a node that is not on the ground."""
+        ends = np.bincount(self.rods.ravel(), minlength=len(self.nodes))
+        return bool((ends[~self.pinned] > 1).any())
+
     def as_recipe(self) -> dict:
         """The structure as the scene's `kind = "network"`: tables by label, exact to the last bit."""
         named = self.node_labels
@@ -133,9 +139,4 @@ def _check_nodes(structure: Structure) -> None:
             raise StructureError(
                 f"node {label} belongs to no rod and is not pinned, so it has no mass; "
                 "end a rod there or pin it to the ground."
-            )
-        if count > 1 and not held:
-            raise StructureError(
-                f"node {label} ends {count} rods; joints between rods are not supported yet, "
-                "so give each rod its own two nodes."
             )

@@ -59,3 +59,17 @@ def element_tendons(first: bool, last: bool, *, primal: bool) -> tuple[Tendon, .
 def node_index(number: int, i: int, j: int, n: int) -> int:
     """Index from 0 of node P_number(i, j); i is cyclic in 1..n, j counts from 1."""
     return 4 * ((j - 1) * n + (i - 1) % n) + number - 1
+
+
+def class_two_joints(n: int, m: int) -> list[tuple[int, int]]:
+    """Pairs of nodes that a class 2 shell closes to one, by index.
+
+    [S] (2.1) prints the range m > j > 1, which leaves the first and last rings open; the two independent conditions are
+    P4(i, j-1) = P3(i-1, j) for j = 2..m and P2(i, j) = P1(i+1, j+1) for j = 1..m-1.
+    """
+    pairs = []
+    for j in range(1, m):
+        for i in range(1, n + 1):
+            pairs.append((node_index(4, i, j, n), node_index(3, i - 1, j + 1, n)))
+            pairs.append((node_index(2, i, j, n), node_index(1, i + 1, j + 1, n)))
+    return pairs
