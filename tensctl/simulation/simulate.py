@@ -20,6 +20,9 @@ from tensctl.simulation.run import Run
 from tensctl.statics import Equilibrium
 from tensctl.structure import lengths, matches
 
+# Control period, s, of a controller that names none: the scene's own default.
+_PERIOD = 0.02
+
 Start = Equilibrium | np.ndarray | tuple[np.ndarray, np.ndarray]
 
 
@@ -108,7 +111,7 @@ def simulate(
     timepts : (t,) s, optional
         Times to record; every control sample, or 500 steps without a controller, by default.
     dt : float, s, optional
-        Control period; the controller's own `dt` by default.
+        Control period; the controller's own `dt` by default, 0.02 s when it has none.
     rate_max : float, m/s
         Fastest that a rest length can change.
     pushes : sequence of Push
@@ -163,9 +166,9 @@ def _times(t_end, timepts, controller, dt) -> np.ndarray:
 
 
 def _period(controller: Controller, dt: float | None) -> float:
-    period = getattr(controller, "dt", None) if dt is None else dt
-    if period is None or not period > 0:
-        raise SimulationError("the controller has no sample time; give dt in s.")
+    period = getattr(controller, "dt", _PERIOD) if dt is None else dt
+    if not (np.isfinite(period) and period > 0):
+        raise SimulationError(f"the control period dt is {period}; a time > 0 s is expected.")
     return float(period)
 
 

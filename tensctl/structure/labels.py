@@ -23,10 +23,10 @@ def matches(labels: Sequence[str], pattern: str, key: str) -> list[int]:
     Raises
     ------
     StructureError
-        When none does; the sentence names the key, the pattern and the nearest label.
+        When none does; the sentence names the key, the pattern and the nearest label. "*" may name nothing.
     """
     found = [i for i, label in enumerate(labels) if any(fnmatchcase(name, pattern) for name in names_of(label))]
-    if not found:
+    if not found and pattern != "*":
         near = difflib.get_close_matches(pattern, labels, n=1, cutoff=0.0)
         hint = f"; the nearest label is {near[0]}" if near else ""
         raise StructureError(f'{key}: "{pattern}" names nothing in this structure{hint}.')

@@ -6,6 +6,7 @@ equilibria rest lengths and nodes follow cubic splines, nodes on the rods' manif
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,10 +17,10 @@ from jaxtyping import Float
 from tensctl.errors import SynthesisError
 from tensctl.statics import Equilibrium, find_equilibrium
 from tensctl.synthesis.shape import ShapeProblem
-from tensctl.synthesis.target import height_scale, shell_height
+from tensctl.synthesis.target import Target, shell_height
 
 if TYPE_CHECKING:
-    from tensctl.scene import Scene
+    from tensctl.scene import Scene, TargetStage
 
 # Planned equilibria along the way, the first and last included. With 9, the spline between two of them is within
 # 1e-5 N of balance on the (3,1) mast that grows by a fifth.
@@ -142,7 +143,7 @@ class ShapePath:
 
 def plan_shape(
     scene: Scene,
-    target: float | None = None,
+    target: float | Mapping[str, float] | TargetStage | None = None,
     *,
     start: Equilibrium | None = None,
     tension_min: float | None = None,
@@ -154,8 +155,8 @@ def plan_shape(
     ----------
     scene : Scene
         `[target]` gives `height_scale`, `start` and `duration`; `[mpc]` gives `tension_min` and `rate_max`.
-    target : float, optional
-        Height over the equilibrium's height; the scene's `height_scale` by default.
+    target : float, or table with the keys of `[target]`, optional
+        Height over the equilibrium's height; the scene's own target by default.
     start : Equilibrium, optional
         Where the path begins; the scene's equilibrium by default.
     tension_min : float, N, optional
@@ -169,7 +170,7 @@ def plan_shape(
     start = find_equilibrium(scene) if start is None else start
     if not start.stable:
         raise SynthesisError(f"a path starts from a stable equilibrium, and this one is: {start.stable}.")
-    scale, height = height_scale(scene, target), shell_height(start.structure)
+    wanted, height = Target.of(scene, target), shell_height(start.structure)
     if tension_min is None:
         tension_min = 0.0 if scene.mpc is None else scene.mpc.tension_min
     if rate_max is None and scene.mpc is not None:
@@ -177,15 +178,13 @@ def plan_shape(
     problem, before = ShapeProblem(height, tension_min), height.of(start.nodes)
     equilibria = [start]
     for share in np.linspace(0, 1, _KNOTS)[1:]:
-        equilibria.append(problem.solve(equilibria[-1], before * (1 + share * (scale - 1))))
-    begin = 0.0 if scene.target is None else scene.target.start
-    duration = 3.0 if scene.target is None else scene.target.duration
-    text = f"height {before:.4f} m to {before * scale:.4f} m, least rest-length change"
-    path = ShapePath(tuple(equilibria), begin, duration, text)
+        equilibria.append(problem.solve(equilibria[-1], before * (1 + share * (wanted.height_scale - 1))))
+    text = f"height {before:.4f} m to {before * wanted.height_scale:.4f} m, least rest-length change"
+    path = ShapePath(tuple(equilibria), wanted.start, wanted.duration, text)
     if rate_max is not None and path.fastest > rate_max:
-        needed = duration * path.fastest / rate_max
+        needed = wanted.duration * path.fastest / rate_max
         raise SynthesisError(
-            f"target.duration = {duration:g} s makes a rest length change at {path.fastest:.3g} m/s, above "
+            f"target.duration = {wanted.duration:g} s makes a rest length change at {path.fastest:.3g} m/s, above "
             f"rate_max = {rate_max:g} m/s; allow {needed:.3g} s or more."
         )
     return path

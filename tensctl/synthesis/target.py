@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from tensctl.errors import SynthesisError
 from tensctl.structure import Structure
 
 if TYPE_CHECKING:
-    from tensctl.scene import Scene
+    from tensctl.scene import Scene, TargetStage
 
 _NODE = re.compile(r"P([1-4])_(\d+)_(\d+)")
 
@@ -57,16 +58,40 @@ def shell_height(structure: Structure) -> Height:
     return Height(gradient)
 
 
-def height_scale(scene: Scene, target: float | None) -> float:
-    """The wanted height over the equilibrium's.
+@dataclass(frozen=True)
+class Target:
+    """What shape is wanted, and when.
 
-    Raises
-    ------
-    SynthesisError
-        When neither the call nor the scene names one.
+    Attributes
+    ----------
+    height_scale : float
+        Wanted height over the height at the start.
+    start, duration : float, s
     """
-    if target is not None:
-        return float(target)
-    if scene.target is None:
-        raise SynthesisError("no target is given: add [target] height_scale to the scene, or pass target=1.2.")
-    return float(scene.target.height_scale)
+
+    height_scale: float
+    start: float = 0.0
+    duration: float = 3.0
+
+    @classmethod
+    def of(cls, scene: Scene, wanted: float | Mapping[str, float] | TargetStage | None) -> Target:
+        """The target of a call, or the scene's own.
+
+        Raises
+        ------
+        SynthesisError
+            When neither names one, or a height is not positive.
+        """
+        asked = scene.target if wanted is None else wanted
+        if asked is None:
+            raise SynthesisError("no target is given: add [target] height_scale to the scene, or pass target=1.2.")
+        if isinstance(asked, float | int):
+            base = scene.target
+            target = cls(float(asked)) if base is None else cls(float(asked), base.start, base.duration)
+        elif isinstance(asked, Mapping):
+            target = cls(**asked)
+        else:
+            target = cls(asked.height_scale, asked.start, asked.duration)
+        if not target.height_scale > 0:
+            raise SynthesisError(f"target.height_scale is {target.height_scale:g}; a number > 0 is expected.")
+        return target
