@@ -107,6 +107,19 @@ def test_rods_and_joints_stay_exact():
     assert np.abs(lengths / potential.structure.rod_lengths - 1).max() < 1e-14
 
 
+def test_logarithm_and_its_rate():
+    """To first order the chart gives back the step; its rate is its derivative at any distance."""
+    manifold = Potential.of(class_two(3, 2)).manifold
+    rng, nodes = np.random.default_rng(2), tc.shell(3, 2, cls=2).nodes
+    way, onward = rng.normal(size=(2, manifold.size))
+    errors = [np.abs(manifold.logarithm(nodes, manifold.retract(nodes, h * way)) - h * way).max() for h in (1e-2, 1e-3)]
+    assert errors[0] / errors[1] > 90
+    there, h = manifold.retract(nodes, 0.1 * way), 1e-5
+    forth, back = (manifold.retract(there, sign * h * onward) for sign in (1, -1))
+    rate = (manifold.logarithm(nodes, forth) - manifold.logarithm(nodes, back)) / (2 * h)
+    assert manifold.velocity(nodes, there, (forth - back) / (2 * h)) == pytest.approx(rate, abs=1e-8)
+
+
 def test_joints_are_the_limit_of_stiff_links():
     """Split nodes held together by tendons of growing stiffness come to the same rest, with error ~ 1/stiffness."""
     shell = tc.shell(3, 2, cls=2)

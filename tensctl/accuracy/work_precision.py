@@ -16,8 +16,8 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics, build_dynamics
 from tensctl.simulation import Push, Run, simulate, total_energy
+from tensctl.simulation.moving import Start
 from tensctl.simulation.plant import Method
-from tensctl.simulation.simulate import Start
 from tensctl.statics import find_equilibrium
 
 if TYPE_CHECKING:

@@ -86,6 +86,11 @@ class JointedManifold:
         return self.ends.hold
 
     @property
+    def moving(self) -> Int[np.ndarray, " moving"]:
+        """Rods with at least one free end."""
+        return self.ends.moving
+
+    @property
     def sign(self) -> Float[np.ndarray, "rods 2"]:
         """-1 at a free tail, +1 at a free head, 0 at a held end."""
         return self.ends.sign
@@ -153,6 +158,23 @@ class JointedManifold:
         moved, has_rod = nodes.copy(), self.shown >= 0
         moved[has_rod] = ends[self.shown[has_rod]]
         return moved
+
+    def logarithm(
+        self, reference: Float[np.ndarray, "nodes 3"], nodes: Float[np.ndarray, "nodes 3"]
+    ) -> Float[np.ndarray, " size"]:
+        """Chart of nodes about a reference: the rods' great-circle chart, projected square to the mass metric."""
+        xi = self.ends.logarithm(reference[self.end_node], nodes[self.end_node])
+        return self._basis(reference).T @ (xi / self.weights)
+
+    def velocity(
+        self,
+        reference: Float[np.ndarray, "nodes 3"],
+        nodes: Float[np.ndarray, "nodes 3"],
+        velocities: Float[np.ndarray, "nodes 3"],
+    ) -> Float[np.ndarray, " size"]:
+        """Rate of `logarithm` when the nodes move, m/s."""
+        at_ends = (array[self.end_node] for array in (reference, nodes, velocities))
+        return self._basis(reference).T @ (self.ends.velocity(*at_ends) / self.weights)
 
     def coordinates_of(
         self, nodes: Float[np.ndarray, "nodes 3"], motion: Float[np.ndarray, "coordinates k"]

@@ -22,8 +22,10 @@ from jaxtyping import Float
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
 from tensctl.synthesis.condensed import Condensed, Weights, condense
+from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.qp import QP, Solution, Solver
+from tensctl.synthesis.qp_solvers import blank, new_solver
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.relaxed import relax
 from tensctl.threads import one_blas_thread
@@ -70,27 +72,6 @@ class _Piece:
     def solvers(self) -> dict[str, Solver]:
         """Solvers set up so far, by name."""
         return {}
-
-
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """Vectors of one step's problem, all deviations from the reference.
-
-    Attributes
-    ----------
-    start : (nx + nu,)
-        (e_0, v_0).
-    tension_margin : (N, nT) m
-        Scaled reference tension above the floor.
-    input_upper : (N, nu) m
-    change_lower, change_upper : (N, nu) m
-    """
-
-    start: Float[np.ndarray, " n"]
-    tension_margin: Float[np.ndarray, "N nT"]
-    input_upper: Float[np.ndarray, "N nu"]
-    change_lower: Float[np.ndarray, "N nu"]
-    change_upper: Float[np.ndarray, "N nu"]
 
 
 class MPC:
@@ -162,7 +143,8 @@ class MPC:
         piece = self._piece(self.reference.knot_at(t))
         limits = self.limits(t, measurement)
         plan, status, kkt = self._solve(piece, limits)
-        relaxed = self._shortfall(piece, limits, plan) if status.endswith("relaxed") or status == "fallback" else 0.0
+        kept = status in self.order
+        relaxed = 0.0 if kept else limits.shortfall(piece.problem, plan)
         self._plan = plan + self._ahead(t)
         command = self._clipped(plan[0] + self._ahead(t)[0], measurement.inputs)
         self.records.append(StepRecord(t, status, perf_counter() - began, kkt, relaxed))
@@ -172,7 +154,7 @@ class MPC:
         """The problem of one step in full, without solving it."""
         problem = self._piece(self.reference.knot_at(t)).problem
         limits = self.limits(t, measurement)
-        return problem, limits, self.assemble(problem, limits)
+        return problem, limits, limits.assemble(problem)
 
     def solve(self, t: float, measurement: Measured) -> Float[np.ndarray, "N nu"]:
         """The plan of one step, deviations from the reference, m; leaves the controller as it is."""
@@ -196,21 +178,6 @@ class MPC:
             change_upper=reach - (ahead - before),
         )
 
-    def assemble(self, problem: Condensed, limits: Limits) -> QP:
-        """The condensed QP with this step's vectors."""
-        nu = limits.input_upper.shape[1]
-        first = np.zeros_like(limits.change_lower)
-        first[0] = limits.start[-nu:]
-        floor = -limits.tension_margin.ravel() - problem.tension_from_state @ limits.start
-        upper = limits.input_upper.ravel()
-        return QP(
-            H=problem.H,
-            f=problem.from_state @ limits.start,
-            A=problem.rows,
-            lower=np.concatenate([np.full(upper.size, -np.inf), floor, (limits.change_lower + first).ravel()]),
-            upper=np.concatenate([upper, np.full(floor.size, np.inf), (limits.change_upper + first).ravel()]),
-        )
-
     def _times(self, t: float) -> np.ndarray:
         return t + self.dt * np.arange(1, self.horizon + 1)
 
@@ -228,13 +195,13 @@ class MPC:
             if equilibrium is not linear.equilibrium:
                 linear = linearize(linear.dynamics, equilibrium, outputs=()).flexible
             piece = _Piece(linear, condense(linear, self.horizon, self.dt, self.weights))
-            piece.solvers[self.order[0]] = _new_solver(self.order[0], _blank(piece.problem))
+            piece.solvers[self.order[0]] = new_solver(self.order[0], blank(piece.problem))
             self._pieces[knot] = piece
         return self._pieces[knot]
 
     def _solve(self, piece: _Piece, limits: Limits) -> tuple[np.ndarray, str, float]:
         """Plan (N, nu), status and KKT residual: hard problem first, then relaxed, then the shifted plan."""
-        qp = self.assemble(piece.problem, limits)
+        qp = limits.assemble(piece.problem)
         for suffix, build in (("", lambda: qp), (" relaxed", lambda: relax(qp, self.horizon))):
             for name in self.order:
                 solution = self._ask(piece, name, suffix, build)
@@ -248,7 +215,7 @@ class MPC:
     def _ask(self, piece: _Piece, name: str, suffix: str, build: Callable[[], QP]) -> Solution:
         qp = build()
         if name + suffix not in piece.solvers:
-            piece.solvers[name + suffix] = _new_solver(name, qp)
+            piece.solvers[name + suffix] = new_solver(name, qp)
         return piece.solvers[name + suffix].solve(qp)
 
     def _shifted(self, limits: Limits) -> np.ndarray:
@@ -266,30 +233,6 @@ class MPC:
         members, reach = self.linear.dynamics.members, self.rate_max * self.dt
         command = np.clip(command, now - reach, now + reach)
         return np.minimum(command, (members.rest_lengths - members.floors)[members.inputs])
-
-    def _shortfall(self, piece: _Piece, limits: Limits, plan: np.ndarray) -> float:
-        """Largest predicted tension missing below the floor over the horizon, N."""
-        problem, nu = piece.problem, plan.shape[1]
-        count = limits.tension_margin.size
-        predicted = problem.tension_from_state @ limits.start + problem.rows[:count] @ plan.ravel()
-        below = -(predicted.reshape(limits.tension_margin.shape) + limits.tension_margin) * problem.tension_scale
-        return float(below.max(initial=0.0)) if nu else 0.0
-
-
-def _new_solver(name: str, qp: QP) -> Solver:
-    if name == "daqp":
-        from tensctl.synthesis.qp_daqp import DaqpSolver
-
-        return DaqpSolver(qp)
-    from tensctl.synthesis.qp_osqp import OsqpSolver
-
-    return OsqpSolver(qp)
-
-
-def _blank(problem: Condensed) -> QP:
-    """The problem at rest with room on every side: what a solver factors before the first step."""
-    room = np.ones(problem.rows.shape[0] + problem.rows.shape[1])
-    return QP(problem.H, np.zeros(problem.rows.shape[1]), problem.rows, -room, room)
 
 
 def _check_size(linear: LinearModel, horizon: int) -> None:

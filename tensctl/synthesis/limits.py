@@ -1,0 +1,59 @@
+"""The vectors of one control step: where it starts and what it must not pass; all deviations from the reference.
+
+lower <= v <= upper,   change_lower <= v_(k+1) - v_k <= change_upper,   C e_k + D v_k + margin_k >= 0
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.synthesis.condensed import Condensed
+from tensctl.synthesis.qp import QP
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Start and bounds of one step.
+
+    Attributes
+    ----------
+    start : (nx + nu,)
+        (e_0, v_0).
+    tension_margin : (N, nT) m
+        Reference tension above the floor, over the stiffness.
+    input_upper : (N, nu) m
+        From the rest-length floors.
+    change_lower, change_upper : (N, nu) m
+        From the rate limit and the reference's own motion.
+    """
+
+    start: Float[np.ndarray, " n"]
+    tension_margin: Float[np.ndarray, "N nT"]
+    input_upper: Float[np.ndarray, "N nu"]
+    change_lower: Float[np.ndarray, "N nu"]
+    change_upper: Float[np.ndarray, "N nu"]
+
+    def assemble(self, problem: Condensed) -> QP:
+        """The condensed QP of this step."""
+        nu = self.input_upper.shape[1]
+        first = np.zeros_like(self.change_lower)
+        first[0] = self.start[-nu:]
+        floor = -self.tension_margin.ravel() - problem.tension_from_state @ self.start
+        upper = self.input_upper.ravel()
+        return QP(
+            H=problem.H,
+            f=problem.from_state @ self.start,
+            A=problem.rows,
+            lower=np.concatenate([np.full(upper.size, -np.inf), floor, (self.change_lower + first).ravel()]),
+            upper=np.concatenate([upper, np.full(floor.size, np.inf), (self.change_upper + first).ravel()]),
+        )
+
+    def shortfall(self, problem: Condensed, plan: Float[np.ndarray, "N nu"]) -> float:
+        """Largest tension that the plan leaves missing below the floor, N."""
+        rows = problem.rows[: self.tension_margin.size]
+        predicted = problem.tension_from_state @ self.start + rows @ plan.ravel()
+        below = -(predicted.reshape(self.tension_margin.shape) + self.tension_margin) * problem.tension_scale
+        return float(below.max(initial=0.0))
