@@ -175,7 +175,8 @@ def test_rod_forces_of_a_hanging_chain():
 
 def test_a_standing_chain_is_unstable():
     scene = chain(2)
-    up = tc.network({"0": [0, 0, 0], "1": [0, 0, 1], "2": [0, 0, 2]}, {"a": ["0", "1"], "b": ["1", "2"]}, {}, pins=["0"])
+    nodes = {"0": [0, 0, 0], "1": [0, 0, 1], "2": [0, 0, 2]}
+    up = tc.network(nodes, {"a": ["0", "1"], "b": ["1", "2"]}, {}, pins=["0"])
     rest = tc.find_equilibrium(scene.replaced(structure=up))
     assert rest.stable is tc.Stability.NO
 

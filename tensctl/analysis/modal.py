@@ -2,7 +2,7 @@
 
 A mode with left eigenvector v is driven when |v* B| > 0; equal frequencies are judged together by the singular values
 of V* B. Undamped, v = (1, i)/sqrt(2) in energy coordinates, so the distance of a mode is its gain over sqrt(2). With
-damping the eigenvectors of the damped A are used, each credited to the mode that takes the largest part in it.
+damping the eigenvectors are those of the damped A (`analysis.damped`).
 
 `control.ctrb` raises A to high powers and finds rank 22 of 48 on the (3,1) shell, whose every flexible mode is driven.
 """
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensctl.analysis.damped import damped_gains
 from tensctl.analysis.reasons import why_not_driven, why_not_seen
 from tensctl.analysis.verdict import ModalReport, ModeVerdict, decide
 from tensctl.linear import LinearModel, Mode
@@ -27,18 +28,16 @@ def controllability(linear: LinearModel) -> ModalReport:
         `controllable_modes` and `uncontrollable_modes` are mode indices.
     """
     position, speed = _rows(linear, linear.B)
-    drive = position + 1j * speed
-    distances = _damped_distances(linear.A.T, linear.B.T, linear) if linear.dynamics.damped else None
-    verdicts = _judge(linear, drive, linear.dynamics.input_labels, distances, why_not_driven)
+    gains = damped_gains(linear.A.T, linear.B.T, linear) if linear.dynamics.damped else None
+    verdicts = _judge(linear, position + 1j * speed, linear.dynamics.input_labels, gains, why_not_driven)
     return ModalReport(verdicts, "controllable")
 
 
 def observability(linear: LinearModel) -> ModalReport:
     """Which modes do the outputs see, how strongly, by which, and why not; the dual of `controllability`."""
     position, speed = _rows(linear, linear.C.T)
-    seen = position + 1j * speed
-    distances = _damped_distances(linear.A, linear.C, linear) if linear.dynamics.damped else None
-    return ModalReport(_judge(linear, seen, linear.outputs, distances, why_not_seen), "observable")
+    gains = damped_gains(linear.A, linear.C, linear) if linear.dynamics.damped else None
+    return ModalReport(_judge(linear, position + 1j * speed, linear.outputs, gains, why_not_seen), "observable")
 
 
 def _rows(linear: LinearModel, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -49,25 +48,30 @@ def _rows(linear: LinearModel, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return unsorted[:half], unsorted[half:]
 
 
-def _judge(linear, coupling, labels, distances, why_not) -> tuple[ModeVerdict, ...]:
+def _judge(linear, coupling, labels, damped, why_not) -> tuple[ModeVerdict, ...]:
     largest = np.linalg.norm(coupling, axis=1).max(initial=0.0)
     verdicts: list[ModeVerdict] = []
     for cluster in _clusters(linear.modes):
         rows = coupling[[position for position, _ in cluster]]
-        gains = np.zeros(len(cluster))
-        values = np.linalg.svd(rows, compute_uv=False)[: len(cluster)]
-        gains[: values.size] = values
+        gains = _singular_values(rows) if damped is None else [damped[position] for position, _ in cluster]
         strength = np.linalg.norm(rows, axis=0)
         strongest = tuple(labels[k] for k in np.argsort(-strength, kind="stable")[:_SHOWN] if strength[k] > 0)
         driven = sum(decide(gain, largest) == "yes" for gain in gains)
         for (position, mode), gain in zip(cluster, gains, strict=True):
             verdict = decide(gain, largest)
             reason = "" if verdict == "yes" else why_not(linear, mode, position, verdict, int(driven))
-            distance = gain / np.sqrt(2) if distances is None else min(distances[position], gain)
             shown = strongest if verdict == "yes" else ()
             facts = (mode.index, mode.frequency, mode.kind, mode.multiplicity)
-            verdicts.append(ModeVerdict(*facts, float(gain), float(distance), shown, verdict, reason))
+            verdicts.append(ModeVerdict(*facts, float(gain), float(gain / np.sqrt(2)), shown, verdict, reason))
     return tuple(verdicts)
+
+
+def _singular_values(rows: np.ndarray) -> np.ndarray:
+    """Singular values, one for each row; zero beyond the number of columns."""
+    values = np.zeros(len(rows))
+    found = np.linalg.svd(rows, compute_uv=False)[: len(rows)]
+    values[: found.size] = found
+    return values
 
 
 def _clusters(modes: tuple[Mode, ...]) -> list[list[tuple[int, Mode]]]:
@@ -77,14 +81,3 @@ def _clusters(modes: tuple[Mode, ...]) -> list[list[tuple[int, Mode]]]:
         key = (mode.cluster, position if mode.kind == "rigid-body" else -1)
         groups.setdefault(key, []).append((position, mode))
     return list(groups.values())
-
-
-def _damped_distances(A: np.ndarray, C: np.ndarray, linear: LinearModel) -> np.ndarray:
-    """|C v| over the unit eigenvectors v of A, the smallest for each mode that takes the largest part in v."""
-    _, vectors = np.linalg.eig(A)
-    position, speed = _rows(linear, vectors)
-    part = np.abs(position) ** 2 + np.abs(speed) ** 2
-    owner, seen = part.argmax(axis=0), np.linalg.norm(C @ vectors, axis=0)
-    distances = np.full(len(linear.modes), np.inf)
-    np.minimum.at(distances, owner, seen)
-    return distances

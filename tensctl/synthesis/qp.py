@@ -14,6 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 
+# Stands for zero in a denominator; its square is still a number.
+_TINY = 1e-150
+
+
 @dataclass(frozen=True, eq=False)
 class QP:
     """One quadratic programme with positive definite H.
@@ -51,9 +55,9 @@ class QP:
         values = np.concatenate([z, self.A @ z])
         pull = self.H @ z
         push = y[:n] + self.A.T @ y[n:]
-        scale = max(np.abs(pull).max(), np.abs(self.f).max(), np.abs(push).max(), 1e-300)
+        scale = max(np.abs(pull).max(), np.abs(self.f).max(), np.abs(push).max(), _TINY)
         stationary = np.abs(pull + self.f + push).max() / scale
-        reach = max(np.abs(values).max(), 1e-300)
+        reach = max(np.abs(values).max(), _TINY)
         above, below = np.maximum(y, 0.0), np.maximum(-y, 0.0)
         gaps = np.where(y > 0, self.upper - values, values - self.lower)
         slack = np.where((above > 0) | (below > 0), np.abs(y) * np.minimum(np.abs(gaps), reach), 0.0)

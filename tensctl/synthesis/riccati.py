@@ -22,6 +22,13 @@ from tensctl.threads import one_blas_thread
 
 _STEPS = 60
 _DONE = 1e-15
+# The closed loop, squared at every step, has decayed to this when the doubling is done. An undamped mode that nothing
+# drives stays at size one, however little the solution still grows.
+_DECAYED = 1e-4
+# Rounding of G times the solution; above this, rounding alone would stabilise a mode that nothing drives.
+_NOTICED = 1e-3
+# Part of the closed loop's speed, about |G|^1/2 |Q|^1/2, below which the Cayley shift is not taken: A may be zero.
+_SLOW = 1e-2
 # A solution that leaves more than this of its own terms is no solution.
 _REFUSED = 1e-6
 
@@ -81,14 +88,16 @@ def dare(A: Matrix, B: np.ndarray, Q: Matrix, R: np.ndarray) -> Riccati:
 def _cayley(A: Matrix, G: Matrix, Q: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """Discrete triple with the same stabilising solution; gamma beyond the spectrum keeps A - gamma I well posed."""
     eye = np.eye(len(A))
-    gamma = 1.1 * float(np.sqrt(np.linalg.norm(A, 1) * np.linalg.norm(A, np.inf))) + 1e-300
+    open_loop = np.sqrt(np.linalg.norm(A, 1) * np.linalg.norm(A, np.inf))
+    closed_loop = np.sqrt(np.linalg.norm(G) * np.linalg.norm(Q))
+    gamma = 1.1 * float(max(open_loop, _SLOW * closed_loop, np.finfo(float).tiny))
     shifted = np.linalg.inv(A - gamma * eye)
     W = np.linalg.inv(A.T - gamma * eye + Q @ shifted @ G)
     return eye + 2 * gamma * W.T, 2 * gamma * shifted @ G @ W, 2 * gamma * W @ Q @ shifted
 
 
 def _doubling(A: Matrix, G: Matrix, H: Matrix) -> Matrix:
-    eye = np.eye(len(A))
+    eye, drive = np.eye(len(A)), np.linalg.norm(G)
     for _ in range(_STEPS):
         factor = sla.lu_factor(eye + G @ H, check_finite=False)
         forward = sla.lu_solve(factor, A, check_finite=False)
@@ -98,8 +107,10 @@ def _doubling(A: Matrix, G: Matrix, H: Matrix) -> Matrix:
         size = np.linalg.norm(H)
         if not np.isfinite(size):
             break
-        if np.linalg.norm(growth) <= _DONE * size:
-            return H
+        if np.linalg.norm(growth) <= _DONE * size and np.linalg.norm(A) <= _DECAYED:
+            if np.finfo(float).eps * drive * size <= _NOTICED:
+                return H
+            break
     raise SynthesisError(
         "the Riccati equation has no stabilising solution: some mode is neither damped nor driven by an input; "
         "see the controllability report, or give the mode a tendon that reaches it."

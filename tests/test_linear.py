@@ -1,0 +1,372 @@
+"""The linear model is the derivative of the nonlinear one, in coordinates whose square is the energy."""
+
+import inspect
+
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.linalg
+from support import MIXED_PINS, prism_scene, reference_prism, replaced, rotation, shell_scene, solved, taylor_order
+
+import tensctl as tc
+from tensctl.linear import sample_ramped
+
+DAMPED = {"tendons": {"damping": 1.5}, "drag": {"coefficient": 0.3}}
+SCENES = {
+    "free": shell_scene(),
+    "pinned": shell_scene(pins=["P1_*_1"]),
+    "mixed pins": shell_scene(pins=MIXED_PINS),
+    "free EA": shell_scene(tendons={"EA": 150.0}),
+    "free damped": shell_scene(**DAMPED),
+    "pinned damped EA": shell_scene(pins=["P1_*_1"], tendons={"EA": 150.0, "damping": 1.5}),
+    "weight": shell_scene(pins=["P1_*_1"], gravity={"g": 9.8}, loads={"P4_1_1": [1, 2, 3]}, tendons={"stiffness": 300}),
+    "prism, two actuators": prism_scene(actuators={"tendons": ["top1", "side2"]}),
+}
+STEPS = np.array([2e-2, 1e-2, 5e-3, 2.5e-3])
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def case(request):
+    return solved(SCENES[request.param], outputs=("nodes", "lengths", "tensions"))
+
+
+class Neighbour:
+    """States x and inputs u of the linear model put on the nonlinear structure."""
+
+    def __init__(self, case):
+        self.dynamics, self.rest, self.linear = case
+        self.manifold, self.mass = self.rest.potential.manifold, self.dynamics.members.mass
+
+    def placed(self, x):
+        """Nodes and velocities: position by the exact chart, velocity with `state_of` equal to x to second order."""
+        unsorted = np.empty_like(x)
+        unsorted[self.linear.order] = x
+        half = x.size // 2
+        step = self.linear.shapes @ (unsorted[:half] / self.linear.scales)
+        rate = self.linear.shapes @ unsorted[half:]
+        nodes = self.manifold.retract(self.rest.nodes, step)
+        along = [self.manifold.retract(self.rest.nodes, step + h * rate) for h in (1e-6, -1e-6)]
+        velocities = (along[0] - along[1]) / 2e-6
+        turning = velocities[self.manifold.rods[:, 1]] - velocities[self.manifold.rods[:, 0]]
+        e = self.manifold.directions(nodes)
+        stretch = 0.5 * np.einsum("ri,ri->r", e, turning)[:, None] * e
+        for side, sign in ((0, 1), (1, -1)):
+            free = self.manifold.hold == 0
+            velocities[self.manifold.rods[free, side]] += sign * stretch[free]
+        return nodes, velocities
+
+    def rate(self, x, u):
+        """dx/dt of the nonlinear structure, by central differences of `state_of` along its own motion."""
+        nodes, velocities = self.placed(x)
+        w = np.zeros(3 * self.dynamics.members.pushed.size)
+        state = self.dynamics.pack(nodes, velocities)
+        dx, half = np.asarray(self.dynamics.f(state, u, w)).ravel(), state.size // 2
+        _, acceleration = self.dynamics.unpack(np.concatenate([state[:half], dx[half:]]))
+        h = 2e-5
+        ends = [
+            self.linear.state_of(
+                nodes + s * h * velocities + h**2 / 2 * acceleration, velocities + s * h * acceleration
+            )
+            for s in (1, -1)
+        ]
+        return (ends[0] - ends[1]) / (2 * h)
+
+    def outputs(self, x, u):
+        nodes, velocities = self.placed(x)
+        state = self.dynamics.pack(nodes, velocities)
+        free = ~self.dynamics.structure.pinned
+        placed = np.asarray(self.dynamics.y_p(state)).reshape(-1, 3)[free]
+        parts = placed, self.dynamics.y_l(state), self.dynamics.y_f(state, u)
+        return np.concatenate([np.asarray(part).ravel() for part in parts])
+
+
+def directions(linear, rng):
+    x, u = rng.standard_normal(linear.A.shape[0]), rng.standard_normal(linear.B.shape[1])
+    return x / np.linalg.norm(x), 0.1 * u / np.linalg.norm(u)
+
+
+class TestTaylor:
+    @pytest.mark.parametrize("part", ["A", "B", "both"])
+    def test_motion(self, case, rng, part):
+        near, linear = Neighbour(case), case[2]
+        x, u = directions(linear, rng)
+        x, u = x * (part != "B"), u * (part != "A")
+
+        def left(h):
+            return near.rate(h * x, h * u) - h * (linear.A @ x + linear.B @ u)
+
+        assert np.abs(near.rate(0 * x, 0 * u)).max() < 1e-8
+        if part == "B" and case[0].members.law == "k":
+            size = np.abs(linear.B @ u).max()
+            assert np.abs(left(1e-2)).max() < 1e-6 * 1e-2 * size, "forces of taut tendons are linear in u"
+        else:
+            assert 1.9 < taylor_order(left, STEPS) < 2.2
+
+    def test_outputs(self, case, rng):
+        near, linear = Neighbour(case), case[2]
+        x, u = directions(linear, rng)
+        still = near.outputs(0 * x, 0 * u)
+
+        def left(h):
+            return near.outputs(h * x, h * u) - still - h * (linear.C @ x + linear.D @ u)
+
+        for rows in self.kinds(linear):
+            assert 1.9 < taylor_order(lambda h, rows=rows: left(h)[rows], STEPS) < 2.2
+
+    def kinds(self, linear):
+        first = np.array([label.split("_")[0] for label in linear.outputs])
+        return [first == "l", first == "T", ~np.isin(first, ["l", "T"])]
+
+    def test_state_of_undoes_placing(self, case, rng):
+        near, linear = Neighbour(case), case[2]
+        x, _ = directions(linear, rng)
+        order = taylor_order(lambda h: linear.state_of(*near.placed(h * x)) - h * x, STEPS)
+        exact = np.abs(linear.state_of(*near.placed(1e-2 * x)) - 1e-2 * x).max() < 1e-9
+        assert exact or order > 1.9
+
+
+def test_poles_are_the_frequencies(case):
+    dynamics, rest, linear = case
+    if dynamics.damped:
+        assert np.linalg.eigvals(linear.flexible.A).real.max() < 0
+        return
+    flexible = rest.omega2[rest.spectrum.rigid_count :]
+    wanted = np.sort(np.concatenate([np.sqrt(flexible)] * 2))
+    poles = np.linalg.eigvals(linear.flexible.A)
+    assert np.abs(np.sort(np.abs(poles.imag)) - wanted).max() < 1e-12 * wanted.max()
+    assert np.abs(poles.real).max() < 1e-12 * wanted.max()
+
+
+def test_state_is_the_energy(case, rng):
+    """|x|^2/2 = kinetic + potential energy - that at rest; what is left falls with order 3."""
+    near, (dynamics, rest, linear) = Neighbour(case), case
+    x, _ = directions(linear, rng)
+    kept = np.array([name[0] != "r" for name in linear.states])
+    x = x * kept
+    rods, mass = dynamics.structure.rods, dynamics.members.mass
+
+    def left(h):
+        nodes, velocities = near.placed(h * x)
+        a, b = velocities[rods[:, 0]], velocities[rods[:, 1]]
+        kinetic = (mass / 6 * (a * a + a * b + b * b).sum(axis=1)).sum()
+        return kinetic + rest.potential.at(nodes).energy - rest.energy - h**2 / 2 * x @ x
+
+    assert taylor_order(left, np.array([0.2, 0.1, 0.05, 0.025])) > 2.8
+
+
+def test_damping_takes_energy(case):
+    """x'(A + A')x = -2 (energy lost per second) is never positive, and zero without damping."""
+    dynamics, _, linear = case
+    power = np.linalg.eigvalsh(linear.flexible.A + linear.flexible.A.T)
+    size = np.abs(linear.A).max()
+    assert power.max() < 1e-13 * size
+    assert (power.min() < -1e-3) if dynamics.damped else (power.min() > -1e-13 * size)
+
+
+class TestShape:
+    def test_free_shell_has_sixty_states(self, free):
+        _, _, linear = free
+        assert linear.A.shape == (60, 60)
+        assert linear.flexible.A.shape == (48, 48)
+        assert [mode.kind for mode in linear.modes] == ["rigid-body"] * 6 + ["flexible"] * 24
+
+    def test_pinned_mast_has_forty_two(self, mast):
+        _, _, linear = mast
+        assert linear.A.shape == (42, 42)
+        assert linear.B.shape == (42, 21)
+
+    def test_rigid_body_modes_stand_first_and_alone(self, free):
+        _, _, linear = free
+        assert np.abs(linear.A[:12, 12:]).max() < 1e-13
+        assert np.abs(linear.A[12:, :12]).max() < 1e-13
+        assert np.abs(linear.B[:12]).max() < 1e-12 * np.abs(linear.B).max()
+        assert (linear.A[12:, 12:] == linear.flexible.A).all()
+
+    def test_no_length_constraint_leaves_a_zero(self, mast):
+        _, rest, linear = mast
+        assert np.abs(np.linalg.eigvals(linear.A)).min() == pytest.approx(np.sqrt(rest.smallest), rel=1e-10)
+
+    def test_verify(self, case):
+        case[2].verify(1e-12)
+
+    def test_verify_tells_wrong_modes(self, free):
+        _, _, linear = free
+        wrong = tuple(replaced(mode, omega2=mode.omega2 * (1 + 1e-6)) for mode in linear.modes)
+        with pytest.raises(tc.LinearizationError, match="the modes miss the Hessian"):
+            replaced(linear, modes=wrong).verify()
+
+
+class TestStateSpace:
+    def test_labels(self, mast):
+        _, _, linear = mast
+        system = linear.to_statespace()
+        assert system.input_labels[:2] == ["u_t1_1_1", "u_t3_1_1"]
+        assert system.output_labels[0] == "P2_1_1_x"
+        assert system.output_labels[-1] == "T_t8_3_1"
+        assert system.state_labels == list(linear.states)
+        assert len(set(system.state_labels)) == 42
+        assert (system.A == linear.A).all()
+        assert (system.D == linear.D).all()
+
+    def test_no_dots(self):
+        network = {
+            "kind": "network",
+            "nodes": {"o": [0, 0, 0], "e": [1, 0, 0], "w": [3, 0, 0]},
+            "rods": {"rod": ["o", "e"]},
+            "tendons": {"tie": ["e", "w"]},
+            "pins": ["o", "w"],
+        }
+        structure = tc.build_structure(tc.Scene(structure=network))
+        dotted = replaced(structure, node_labels=("o.1", "e.1", "w.1"), tendon_labels=("tie.1",))
+        dynamics, rest, _ = solved(tc.Scene(structure=network))
+        potential = replaced(rest.potential, structure=dotted)
+        linear = tc.linearize(replaced(dynamics, potential=potential), replaced(rest, potential=potential))
+        system = linear.to_statespace()
+        assert system.input_labels == ["u_tie_1"]
+        assert system.output_labels == ["e_1_x", "e_1_y", "e_1_z", "T_tie_1"]
+
+    def test_outputs_in_the_order_asked(self, mast):
+        dynamics, rest, linear = mast
+        turned = tc.linearize(dynamics, rest, outputs=("tensions", "nodes"))
+        assert turned.outputs == linear.outputs[-24:] + linear.outputs[:-24]
+        assert tc.linearize(dynamics, rest, outputs=()).C.shape == (0, 42)
+
+
+class TestCoMovingFrame:
+    def carried(self, nodes, velocities, rng):
+        """The same motion seen after a rigid motion, with a rigid velocity on top."""
+        Q, shift, drift, spin = rotation(rng), *rng.standard_normal((3, 3))
+        moved = nodes @ Q.T + shift
+        return moved, velocities @ Q.T + drift + np.cross(spin, moved - moved.mean(axis=0))
+
+    @pytest.mark.parametrize("name", ["free", "free EA", "prism, two actuators"])
+    def test_rigid_motion_changes_no_flexible_state(self, name, rng):
+        near = Neighbour(solved(SCENES[name]))
+        flexible = near.linear.flexible
+        nodes, velocities = near.placed(0.3 * directions(near.linear, rng)[0])
+        here = flexible.state_of(nodes, velocities)
+        assert np.linalg.norm(here) > 0.05
+        for _ in range(5):
+            there = flexible.state_of(*self.carried(nodes, velocities, rng))
+            assert np.abs(there - here).max() < 1e-12 * 20
+
+    def test_rigid_motion_is_no_state(self, free, rng):
+        _, rest, linear = free
+        moved = self.carried(rest.nodes, np.zeros_like(rest.nodes), rng)
+        assert np.abs(linear.flexible.state_of(*moved)).max() < 1e-12
+
+    def test_flexible_states_agree_with_the_world_to_first_order(self, free, rng):
+        """A flexible mode has no rigid-body part, so both frames see the same up to second order."""
+        near = Neighbour(free)
+        x = directions(near.linear, rng)[0] * np.repeat([0, 1], [12, 48])
+
+        def left(h):
+            state = near.placed(h * x)
+            return near.linear.flexible.state_of(*state) - near.linear.state_of(*state)[12:]
+
+        assert taylor_order(left, STEPS) > 1.9
+
+    def along_rods(self, structure, nodes):
+        """Gauss points of every rod, (rods, 3, 3); with weights 5/18, 8/18, 5/18 exact for products of two."""
+        ends, place = nodes[structure.rods], 0.5 + np.array([-0.5, 0, 0.5]) * np.sqrt(0.6)
+        return ends[:, None, 0] + place[:, None] * (ends[:, None, 1] - ends[:, None, 0])
+
+    def test_fits_the_distributed_mass(self, rng):
+        """Seen from its frame, the mass has no momentum, and no turn would bring it nearer to the reference."""
+        scene = shell_scene(rods={"mass": {"*": 1.0, "r2_*": 3.0}})
+        near = Neighbour(solved(scene))
+        structure, reference = near.dynamics.structure, near.rest.nodes
+        weight = near.mass[:, None] * np.array([5, 8, 5]) / 18
+        nodes, velocities = self.carried(*near.placed(0.5 * directions(near.linear, rng)[0]), rng)
+        frame = near.linear.frame(nodes, velocities)
+        seen = self.along_rods(structure, frame.nodes(nodes))
+        rate = self.along_rods(structure, frame.velocities(nodes, velocities))
+        wanted = self.along_rods(structure, reference)
+        centre = np.einsum("rg,rgi->i", weight, wanted) / weight.sum()
+        assert np.abs(np.einsum("rg,rgi->i", weight, seen) / weight.sum() - centre).max() < 1e-13
+        assert np.abs(np.einsum("rg,rgi->i", weight, rate)).max() < 1e-12
+        assert np.abs(np.einsum("rg,rgi->i", weight, np.cross(seen - centre, rate))).max() < 1e-12
+        assert np.abs(np.einsum("rg,rgi->i", weight, np.cross(seen - centre, wanted - centre))).max() < 1e-12
+        assert np.linalg.det(frame.rotation) == pytest.approx(1)
+
+    def test_pinned_structure_has_none(self, mast):
+        _, rest, linear = mast
+        assert linear.frame(rest.nodes, rest.nodes) is None
+
+
+class TestSampling:
+    @pytest.mark.parametrize("dt", [0.005, 0.05, 0.3])
+    def test_equals_fine_integration(self, mast, rng, dt):
+        _, _, linear = mast
+        sampled = sample_ramped(linear.A, linear.B, dt)
+        x0, (u0, u1) = rng.standard_normal(42), rng.standard_normal((2, 21))
+
+        def rate(t, x):
+            return linear.A @ x + linear.B @ (u0 + t / dt * (u1 - u0))
+
+        fine = scipy.integrate.solve_ivp(rate, (0, dt), x0, "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+        coarse = sampled.F @ x0 + sampled.G0 @ u0 + sampled.G1 @ u1
+        assert np.abs(coarse - fine).max() < 1e-10 * np.abs(fine).max()
+
+    def test_two_halves_are_one_whole(self, mast, rng):
+        _, _, linear = mast
+        whole, half = (sample_ramped(linear.A, linear.B, dt) for dt in (0.1, 0.05))
+        x, (u0, u1) = rng.standard_normal(42), rng.standard_normal((2, 21))
+        mid = (u0 + u1) / 2
+        twice = half.F @ (half.F @ x + half.G0 @ u0 + half.G1 @ mid) + half.G0 @ mid + half.G1 @ u1
+        once = whole.F @ x + whole.G0 @ u0 + whole.G1 @ u1
+        assert np.abs(twice - once).max() < 1e-12 * np.abs(once).max()
+
+    def test_input_state(self, mast, rng):
+        _, _, linear = mast
+        sampled = sample_ramped(linear.A, linear.B, 0.02)
+        A, B = sampled.with_input_state()
+        x, (u0, u1) = rng.standard_normal(42), rng.standard_normal((2, 21))
+        following = A @ np.concatenate([x, u0]) + B @ u1
+        assert np.abs(following[:42] - sampled.F @ x - sampled.G0 @ u0 - sampled.G1 @ u1).max() < 1e-12
+        assert (following[42:] == u1).all()
+
+
+class TestRefusals:
+    def test_slack_boundary(self):
+        """A tendon exactly as long as its rest length has two linear models."""
+        _, rest, _ = solved(shell_scene())
+        edge = rest.rest_lengths.copy()
+        edge[4] = rest.lengths[4] * (1 + 3e-10)
+        label = rest.structure.tendon_labels[4]
+        with pytest.raises(tc.LinearizationError, match=f"tendon {label} is -.* m from slack"):
+            tc.linearize(tc.build_dynamics(shell_scene()), replaced(rest, rest_lengths=edge))
+
+    def test_all_slack(self):
+        scene = shell_scene(tendons={"rest_ratio": 1.2})
+        with pytest.raises(tc.LinearizationError, match="every tendon is slack"):
+            tc.linearize(tc.build_dynamics(scene), tc.find_equilibrium(scene))
+
+    def test_unknown_output(self, free):
+        """Asked past the type check that only tests have."""
+        dynamics, rest, _ = free
+        with pytest.raises(tc.LinearizationError, match='output "angles" is unknown; choose from nodes'):
+            inspect.unwrap(tc.linearize)(dynamics, rest, outputs=("angles",))
+
+    def test_slack_tendon_away_from_the_boundary_is_taken(self):
+        """A tendon that is plainly slack pulls nothing, neither now nor to first order."""
+        slack = shell_scene(pins=["P1_*_1"], tendons={"rest_ratio": {"*": 0.8, "t5_1_1": 2.5}})
+        _, rest, linear = solved(slack)
+        k = rest.structure.tendon_labels.index("t5_1_1")
+        assert rest.tensions[k] == 0
+        row = linear.outputs.index("T_t5_1_1")
+        assert not linear.C[row].any()
+        assert not linear.B[:, linear.inputs.index("u_t5_1_1")].any()
+
+
+def test_published_prism_frequencies():
+    """The reference's prism, rigid rods, base pinned and free: frequencies in Hz."""
+    pinned = [2.188274508, 4.970573614, 4.970573614, 10.840783026, 10.840783026, 12.767044727]
+    free = [
+        2.665597479, 8.052123287, 8.052123287, 9.992079002, 9.992079002, 14.38628877, 16.27651360, 16.27651360,
+        19.12518900,
+    ]  # fmt: skip
+    for scene, wanted in ((reference_prism(pins=["a", "b", "c"]), pinned), (reference_prism(), free)):
+        rest = tc.find_equilibrium(scene)
+        found = np.sqrt(rest.spectrum.omega2[rest.spectrum.rigid_count :]) / (2 * np.pi)
+        assert np.abs(found / wanted - 1).max() < 1e-8
