@@ -49,18 +49,12 @@ def fault(capsys, *arguments) -> str:
 @pytest.mark.parametrize("command", ["run", "check", "explain", "accuracy"])
 def test_missing_file(capsys, tmp_path, command):
     path = tmp_path / "nowhere.toml"
-    assert (
-        fault(capsys, command, path)
-        == f"tensctl: {path} does not exist; expected a scene file, TOML or JSON.\n"
-    )
+    assert fault(capsys, command, path) == f"tensctl: {path} does not exist; expected a scene file, TOML or JSON.\n"
 
 
 def test_wrong_value(capsys, scene):
     scene.write_text(SCENE.replace("n = 3", "n = 2"))
-    assert (
-        fault(capsys, "check", scene)
-        == f"tensctl: {scene}: structure.n is 2; expected a whole number >= 3.\n"
-    )
+    assert fault(capsys, "check", scene) == f"tensctl: {scene}: structure.n is 2; expected a whole number >= 3.\n"
 
 
 def test_no_toml(capsys, scene):
@@ -100,9 +94,7 @@ def test_error_of_a_room(capsys, scene, pipeline):
 
 def test_error_of_the_machine(capsys, scene, pipeline, tmp_path):
     pipeline.act = lambda: (tmp_path / "no" / "folder").write_text("")
-    assert (
-        fault(capsys, "run", scene) == f"tensctl: {tmp_path / 'no' / 'folder'}: No such file or directory.\n"
-    )
+    assert fault(capsys, "run", scene) == f"tensctl: {tmp_path / 'no' / 'folder'}: No such file or directory.\n"
 
 
 def test_fault_of_tensctl_keeps_its_traceback(scene, pipeline):

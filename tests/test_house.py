@@ -48,9 +48,7 @@ def imported(source: str, module: str, *, is_package: bool) -> set[str]:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            above = (
-                module.split(".")[: len(module.split(".")) - node.level + is_package] if node.level else []
-            )
+            above = module.split(".")[: len(module.split(".")) - node.level + is_package] if node.level else []
             origin = ".".join([*above, *filter(None, [node.module])])
             if origin == "tensctl":
                 found |= {f"tensctl.{alias.name}" for alias in node.names}
@@ -109,10 +107,7 @@ def test_public_names_are_listed_once_for_each_reader():
     tree = ast.parse((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
     checked = next(node for node in tree.body if isinstance(node, ast.If))
     for_pyright = {
-        alias.name: node.module
-        for node in checked.body
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
+        alias.name: node.module for node in checked.body if isinstance(node, ast.ImportFrom) for alias in node.names
     }
     assert for_pyright == tensctl._MODULE_OF
     assert set(tensctl.__all__) == {*for_pyright, "__version__"}

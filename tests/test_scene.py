@@ -201,9 +201,7 @@ SENTENCES = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("sections", "sentence"), SENTENCES, ids=[sentence.split(" ")[0] for _, sentence in SENTENCES]
-)
+@pytest.mark.parametrize(("sections", "sentence"), SENTENCES, ids=[sentence.split(" ")[0] for _, sentence in SENTENCES])
 def test_refused_in_one_sentence(sections, sentence):
     assert refusal(**sections) == sentence
 
@@ -234,9 +232,7 @@ def test_what_is_no_whole_number(value):
     assert shell_refusal(n=value).startswith("structure.n is ")
 
 
-@pytest.mark.parametrize(
-    "value", [False, "1", math.nan, -math.inf, [1.0], np.array([1.0, 2.0]), 10**400, 1j], ids=repr
-)
+@pytest.mark.parametrize("value", [False, "1", math.nan, -math.inf, [1.0], np.array([1.0, 2.0]), 10**400, 1j], ids=repr)
 def test_what_is_no_number(value):
     assert shell_refusal(overlap=value).endswith("; expected a finite number (m).")
 
@@ -265,9 +261,7 @@ class TestFiles:
         assert load_scene(self.write(tmp_path, "scene.json", json.dumps(content))) == load_scene(EXAMPLE)
 
     def test_missing(self, tmp_path):
-        assert (
-            self.sentence(tmp_path / "x.toml") == "FILE does not exist; expected a scene file, TOML or JSON."
-        )
+        assert self.sentence(tmp_path / "x.toml") == "FILE does not exist; expected a scene file, TOML or JSON."
 
     def test_folder(self, tmp_path):
         assert self.sentence(tmp_path) == "FILE cannot be read: Is a directory."
@@ -293,9 +287,7 @@ class TestFiles:
 
     def test_bytes(self, tmp_path):
         (tmp_path / "x.toml").write_bytes(b"\x89PNG")
-        assert (
-            self.sentence(tmp_path / "x.toml") == "FILE is no text in UTF-8 (byte 0); expected TOML or JSON."
-        )
+        assert self.sentence(tmp_path / "x.toml") == "FILE is no text in UTF-8 (byte 0); expected TOML or JSON."
 
     def test_wrong_value_names_the_file(self, tmp_path):
         path = self.write(tmp_path, "x.toml", '[structure]\nkind = "shell"\nn = 2\nm = 1\n')

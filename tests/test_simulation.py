@@ -569,3 +569,31 @@ def test_a_rod_whose_tie_is_not_stretched_at_first_order():
     start = rest.potential.manifold.retract(rest.nodes, np.array([1e-5, 0.0]))
     run = tc.simulate(dynamics, start, timepts=[0.0, 0.5 / linear.modes[0].frequency])
     assert np.abs(run.nodes[1] - 2 * rest.nodes + start).max() < 1e-9
+
+
+def test_a_heavy_pendulum_without_tendons():
+    """A rod on a pin, let go level: its energy is kept, and it passes the bottom at omega^2 = 3 g / L."""
+    structure = tc.network({"o": [0, 0, 0], "e": [0.01, 0, 0]}, {"r": ["o", "e"]}, {}, pins=["o"])
+    dynamics = tc.build_dynamics(tc.Scene(structure=structure, gravity={"g": 9.81}))
+    run = tc.simulate(dynamics, structure.nodes, t_end=0.2)
+    height, speed = run.nodes[:, 1, 2], np.linalg.norm(run.velocities[:, 1], axis=1)
+    assert np.abs(speed**2 / 6 + 9.81 * height / 2).max() < 1e-9 * 9.81 * 0.01
+    assert height.min() == pytest.approx(-0.01, rel=1e-3)
+
+
+def test_a_controller_without_a_period_is_asked_every_20_ms():
+    dynamics, rest, _ = solved(shell_scene(pins=["P1_*_1"]))
+    seen = []
+
+    class Watch:
+        dt = None
+
+        def reset(self):
+            seen.clear()
+
+        def step(self, t, measurement):
+            seen.append(t)
+            return measurement.inputs
+
+    tc.simulate(dynamics, rest, controller=Watch(), t_end=0.1)
+    assert seen == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])

@@ -112,13 +112,20 @@ def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Integra
 
 
 def fastest_rate(dynamics: Dynamics) -> float:
-    """A bound on every frequency that the structure can have, rad/s, by Lanczos iteration.
+    """A bound on every frequency that the structure can have at rest, rad/s.
 
     Every tendon counts as taut and as stiff across as along: T/l across is less than k while rest lengths are positive.
+    Loads swing a rod with at most omega^2 = 3 f / (m rho).
     """
+    squared = _stiffest(dynamics) + _heaviest(dynamics)
+    return float(np.sqrt(squared)) if squared > 0 else 1.0
+
+
+def _stiffest(dynamics: Dynamics) -> float:
+    """Largest eigenvalue of the tendons' bound, rad^2/s^2, by Lanczos iteration."""
     structure, members, manifold = dynamics.structure, dynamics.members, dynamics.potential.manifold
     if manifold.size == 0 or not len(structure.tendons):
-        return 1.0
+        return 0.0
     stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
     blocks = stiffness[:, None, None] * np.eye(3)
     tangent = manifold.tangent(structure.nodes)
@@ -126,9 +133,18 @@ def fastest_rate(dynamics: Dynamics) -> float:
     matrix = tangent.T @ scatter_blocks(structure.tendons, blocks, len(structure.nodes)) @ tangent
     scaled = matrix.multiply(root).multiply(root[:, None]).tocsr()
     if manifold.size < 4:
-        return float(np.sqrt(np.abs(np.linalg.eigvalsh(scaled.toarray())).max()))
+        return float(np.abs(np.linalg.eigvalsh(scaled.toarray())).max())
     start = np.ones(manifold.size)
-    return float(np.sqrt(spl.eigsh(scaled, k=1, v0=start, tol=1e-2, return_eigenvectors=False)[0]))
+    return float(spl.eigsh(scaled, k=1, v0=start, tol=1e-2, return_eigenvectors=False)[0])
+
+
+def _heaviest(dynamics: Dynamics) -> float:
+    """Largest of 3 f / (m rho) over moving rods, rad^2/s^2."""
+    members, manifold = dynamics.members, dynamics.potential.manifold
+    loads = np.linalg.norm(members.forces, axis=1)[manifold.rods].sum(axis=1)
+    moving = manifold.moving
+    lever = 0.5 * manifold.lengths[moving]
+    return float((3 * loads[moving] / (members.mass[moving] * lever)).max(initial=0.0))
 
 
 def state_at(

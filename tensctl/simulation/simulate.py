@@ -114,7 +114,8 @@ def _times(t_end, timepts, controller, dt) -> np.ndarray:
 
 
 def _period(controller: Controller, dt: float | None) -> float:
-    period = getattr(controller, "dt", _PERIOD) if dt is None else dt
+    period = getattr(controller, "dt", None) if dt is None else dt
+    period = _PERIOD if period is None else period
     if not (np.isfinite(period) and period > 0):
         raise SimulationError(f"the control period dt is {period}; a time > 0 s is expected.")
     return float(period)
