@@ -28,7 +28,17 @@ if TYPE_CHECKING:
     from tensctl.pipeline import run
     from tensctl.scene import Scene, load_scene
     from tensctl.simulation import Measurement, Push, Run, simulate
-    from tensctl.statics import Equilibrium, Stability, find_equilibrium
+    from tensctl.statics import (
+        Equilibrium,
+        Stability,
+        admissible_prestress,
+        compliance,
+        find_equilibrium,
+        inverse_statics,
+        nearest_shape,
+        self_stress,
+        stability_orders,
+    )
     from tensctl.structure import Structure, build_structure, network, prism, shell
     from tensctl.synthesis import LQR, MPC, ShapePath, lqr, plan_shape
 
@@ -50,7 +60,17 @@ _HOME = {
     "tensctl.pipeline": ("run",),
     "tensctl.scene": ("Scene", "load_scene"),
     "tensctl.simulation": ("Measurement", "Push", "Run", "simulate"),
-    "tensctl.statics": ("Equilibrium", "Stability", "find_equilibrium"),
+    "tensctl.statics": (
+        "Equilibrium",
+        "Stability",
+        "admissible_prestress",
+        "compliance",
+        "find_equilibrium",
+        "inverse_statics",
+        "nearest_shape",
+        "self_stress",
+        "stability_orders",
+    ),
     "tensctl.structure": ("Structure", "build_structure", "network", "prism", "shell"),
     "tensctl.synthesis": ("LQR", "MPC", "ShapePath", "lqr", "plan_shape"),
 }
@@ -79,20 +99,26 @@ __all__ = [
     "SynthesisError",
     "TensctlError",
     "__version__",
+    "admissible_prestress",
     "build_dynamics",
     "build_structure",
+    "compliance",
     "controllability",
     "find_equilibrium",
+    "inverse_statics",
     "linearize",
     "load_scene",
     "lqr",
+    "nearest_shape",
     "network",
     "observability",
     "plan_shape",
     "prism",
     "run",
+    "self_stress",
     "shell",
     "simulate",
+    "stability_orders",
     "work_precision",
 ]
 

@@ -36,7 +36,7 @@ def damped_gains(
 
 def _groups(poles: np.ndarray) -> list[np.ndarray]:
     """Indices of equal poles together."""
-    left, groups = list(np.argsort(poles.real, kind="stable")), []
+    left, groups = list(np.argsort(np.real(poles), kind="stable")), []
     while left:
         first = left[0]
         group = [k for k in left if abs(poles[k] - poles[first]) <= _SAME * np.abs(poles).max()]

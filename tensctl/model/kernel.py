@@ -156,3 +156,24 @@ def accelerations(data, q, v, rest, external, acceleration):
                 acceleration[r, i - 3] -= spin * q[r, i]
             elif hold == _HEAD:
                 acceleration[r, i - 3] += spin * q[r, i]
+
+
+@jit
+def tidy(data, q, v):
+    """Put rods back to their lengths and held ends back to the ground; take velocities along rods away."""
+    for r in range(data.mass.size):
+        hold = data.hold[r]
+        if hold == 3:
+            continue
+        square = q[r, 3] ** 2 + q[r, 4] ** 2 + q[r, 5] ** 2
+        along = (q[r, 3] * v[r, 3] + q[r, 4] * v[r, 4] + q[r, 5] * v[r, 5]) / square
+        scale = data.lengths[r] / np.sqrt(square)
+        for i in range(3, 6):
+            v[r, i] -= along * q[r, i]
+            q[r, i] *= scale
+        if hold != 0:
+            sign = 1.0 if hold == 1 else -1.0
+            held = data.rod_tail[r] if hold == 1 else data.rod_head[r]
+            for i in range(3):
+                q[r, i] = 2.0 * data.anchor[held, i] + sign * q[r, 3 + i]
+                v[r, i] = sign * v[r, 3 + i]

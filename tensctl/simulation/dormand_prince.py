@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensctl.jit import jit
-from tensctl.model.kernel import accelerations
+from tensctl.model.kernel import accelerations, tidy
 
 A = np.array(
     [
@@ -26,26 +26,6 @@ A = np.array(
 )
 ERROR = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 NODES = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
-
-
-@jit
-def _project(data, q, v):
-    for r in range(data.mass.size):
-        hold = data.hold[r]
-        if hold == 3:
-            continue
-        square = q[r, 3] ** 2 + q[r, 4] ** 2 + q[r, 5] ** 2
-        along = (q[r, 3] * v[r, 3] + q[r, 4] * v[r, 4] + q[r, 5] * v[r, 5]) / square
-        scale = data.lengths[r] / np.sqrt(square)
-        for i in range(3, 6):
-            v[r, i] -= along * q[r, i]
-            q[r, i] *= scale
-        if hold != 0:
-            sign = 1.0 if hold == 1 else -1.0
-            held = data.rod_tail[r] if hold == 1 else data.rod_head[r]
-            for i in range(3):
-                q[r, i] = 2.0 * data.anchor[held, i] + sign * q[r, 3 + i]
-                v[r, i] = sign * v[r, 3 + i]
 
 
 @jit
@@ -90,7 +70,7 @@ def advance(data, q, v, t0, t1, first, rest0, rate, external, table, error, node
         factor = 5.0 if worst == 0.0 else min(5.0, max(0.2, 0.9 * worst**-0.2))
         if worst <= 1.0:
             q[:], v[:] = q1, v1
-            _project(data, q, v)
+            tidy(data, q, v)
             t = t1 if last else t + h
             if not last:
                 suggestion = h * factor

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensctl.jit import jit
-from tensctl.model.kernel import elastic_forces, place_nodes, pushes
+from tensctl.model.kernel import elastic_forces, place_nodes, pushes, tidy
 
 KICKS = np.array([0.0829844064174052, 0.396309801498368, -0.0390563049223486, 0.0])
 DRIFTS = np.array([0.245298957184271, 0.604872665711080, 0.0])
@@ -58,20 +58,6 @@ def _kick(data, v, push, h):
         if data.hold[r] != 3:
             for i in range(6):
                 v[r, i] += h * push[r, i]
-
-
-@jit
-def _tidy(data, q, v):
-    """Take rounding out of rod lengths and of velocities along rods."""
-    for r in range(data.mass.size):
-        if data.hold[r] == 3:
-            continue
-        square = q[r, 3] ** 2 + q[r, 4] ** 2 + q[r, 5] ** 2
-        along = (q[r, 3] * v[r, 3] + q[r, 4] * v[r, 4] + q[r, 5] * v[r, 5]) / square
-        scale = data.lengths[r] / np.sqrt(square)
-        for i in range(3, 6):
-            v[r, i] -= along * q[r, i]
-            q[r, i] *= scale
 
 
 @jit
@@ -120,7 +106,7 @@ def advance(data, q, v, t0, t1, steps, rest0, rate, external, kicks, drifts, dep
                 _fly(data, q, v, drifts[stage] * h)
                 t += drifts[stage] * h
                 if stage == drifts.size - 1:
-                    _tidy(data, q, v)
+                    tidy(data, q, v)
                 flips += _forces_at(data, q, t, t0, rest, rest0, rate, ramped, external, nodes, forces, push, taut)
                 evaluations += 1
                 if flips > 0 and level < depth:
