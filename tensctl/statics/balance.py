@@ -9,7 +9,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.elements import Hold, JointedManifold, PotentialPoint
+from tensctl.elements import Hold, JointedManifold, PotentialPoint, RodManifold
+
+_EPS = float(np.finfo(float).eps)
 
 
 def rod_forces(point: PotentialPoint) -> Float[np.ndarray, " rods"]:
@@ -17,45 +19,73 @@ def rod_forces(point: PotentialPoint) -> Float[np.ndarray, " rods"]:
 
     Source: [W] section 3, in member vectors.
     """
-    manifold = point.potential.manifold
-    if isinstance(manifold, JointedManifold):
-        return _shared_forces(point)
-    pull = (manifold.sign[:, :, None] * point.nodal_forces[manifold.rods]).sum(axis=1)
-    share = np.where(manifold.hold == Hold.FREE, 0.5, 1.0)
-    return -share * np.einsum("ri,ri->r", manifold.directions(point.nodes), pull)
-
-
-def _shared_forces(point: PotentialPoint) -> Float[np.ndarray, " rods"]:
-    """Best rod forces where rods share nodes: least squares over all free nodes at once.
-
-    Loops of rods can carry prestress of their own; of all answers this is the one of least norm.
-    """
     manifold, structure = point.potential.manifold, point.potential.structure
-    e, rods = manifold.directions(point.nodes), np.arange(len(structure.rods))
-    push = np.zeros((len(structure.nodes), 3, rods.size))
-    push[structure.rods[:, 0], :, rods] = -e
-    push[structure.rods[:, 1], :, rods] = e
-    free = ~structure.pinned
-    forces, *_ = np.linalg.lstsq(push[free].reshape(-1, rods.size), -point.nodal_forces[free].ravel(), rcond=1e-12)
-    return forces
+    return _thrust(manifold, structure.pinned, point.nodes, point.nodal_forces)
 
 
 def unbalanced(point: PotentialPoint) -> Float[np.ndarray, "nodes 3"]:
     """Nodal forces left after the best rod and ground forces are taken away, N."""
-    manifold = point.potential.manifold
-    left = point.nodal_forces.copy()
-    thrust = rod_forces(point)[:, None] * manifold.directions(point.nodes)
-    np.add.at(left, manifold.rods[:, 0], -thrust)
-    np.add.at(left, manifold.rods[:, 1], thrust)
-    left[point.potential.structure.pinned] = 0.0
-    return left
+    manifold, structure = point.potential.manifold, point.potential.structure
+    return left_over(manifold, structure.pinned, point.nodes, point.nodal_forces)
 
 
 def residual(point: PotentialPoint) -> float:
     """Largest unbalanced nodal force over the largest tension or load; 0 when there are neither."""
     if point.at_ease:
         return 0.0
-    loads = np.linalg.norm(point.potential.members.forces, axis=1)
-    scale = max(point.terms.tensions.max(initial=0.0), loads.max(initial=0.0))
-    largest = np.linalg.norm(unbalanced(point), axis=1).max(initial=0.0)
-    return float(largest / scale)
+    return relative(unbalanced(point), point.terms.tensions, point.potential.members.forces)
+
+
+def attainable(point: PotentialPoint) -> float:
+    """Residual that rounding of the nodes alone leaves: 1e-16 of stiffness times coordinates, over the largest force.
+
+    A prestress of 1e-9 k l cannot be balanced to better than 1e-7 in double precision, whatever the method.
+    """
+    members = point.potential.members
+    axial = members.stiffness if members.law == "k" else members.stiffness / point.rest_lengths
+    ends = np.abs(point.nodes[point.potential.structure.tendons]).max(axis=(1, 2), initial=0.0)
+    rounding = np.zeros(len(point.nodes))
+    for side in (0, 1):
+        np.add.at(rounding, point.potential.structure.tendons[:, side], (axial * ends) * (point.terms.tensions > 0))
+    return _EPS * relative(rounding[:, None], point.terms.tensions, members.forces)
+
+
+def relative(left: np.ndarray, tensions: np.ndarray, forces: np.ndarray) -> float:
+    """Largest of some nodal forces over the largest tension or load; 0 when there are neither."""
+    scale = max(tensions.max(initial=0.0), np.linalg.norm(forces, axis=1).max(initial=0.0))
+    return float(np.linalg.norm(left, axis=1).max(initial=0.0) / scale) if scale > 0 else 0.0
+
+
+def left_over(
+    manifold: RodManifold | JointedManifold, pinned: np.ndarray, nodes: np.ndarray, forces: np.ndarray
+) -> Float[np.ndarray, "nodes 3"]:
+    """Nodal forces less the best rod and ground forces, N."""
+    left = forces.copy()
+    thrust = _thrust(manifold, pinned, nodes, forces)[:, None] * manifold.directions(nodes)
+    np.add.at(left, manifold.rods[:, 0], -thrust)
+    np.add.at(left, manifold.rods[:, 1], thrust)
+    left[pinned] = 0.0
+    return left
+
+
+def _thrust(
+    manifold: RodManifold | JointedManifold, pinned: np.ndarray, nodes: np.ndarray, forces: np.ndarray
+) -> Float[np.ndarray, " rods"]:
+    e = manifold.directions(nodes)
+    if isinstance(manifold, JointedManifold):
+        return _shared_thrust(manifold.rods, e, pinned, forces)
+    pull = (manifold.sign[:, :, None] * forces[manifold.rods]).sum(axis=1)
+    share = np.where(manifold.hold == Hold.FREE, 0.5, 1.0)
+    return -share * np.einsum("ri,ri->r", e, pull)
+
+
+def _shared_thrust(rods: np.ndarray, e: np.ndarray, pinned: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Best rod forces where rods share nodes: least squares over all free nodes at once.
+
+    Loops of rods can carry prestress of their own; of all answers this is the one of least norm.
+    """
+    push, each = np.zeros((len(pinned), 3, len(rods))), np.arange(len(rods))
+    push[rods[:, 0], :, each] = -e
+    push[rods[:, 1], :, each] = e
+    thrust, *_ = np.linalg.lstsq(push[~pinned].reshape(-1, len(rods)), -forces[~pinned].ravel(), rcond=1e-12)
+    return thrust

@@ -12,15 +12,34 @@ from jaxtyping import Float
 from tensctl.elements import Potential, PotentialPoint
 from tensctl.errors import EquilibriumError
 from tensctl.statics import balance
+from tensctl.statics.definiteness import Definiteness
+from tensctl.statics.harmonics import harmonic_definiteness, harmonic_smallest
 from tensctl.statics.newton import Newton
-from tensctl.statics.stability import Spectrum, Stability, judge, spectrum
+from tensctl.statics.search import search
+from tensctl.statics.sector import Sector, SectorPoint
+from tensctl.statics.soundness import check_sound, unheld
+from tensctl.statics.stability import (
+    Spectrum,
+    Stability,
+    eigenvalue_tolerance,
+    judge,
+    spectrum,
+    unknown_force,
+    whole_definiteness,
+)
+from tensctl.statics.symmetry import CyclicSymmetry
 from tensctl.structure import Structure
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene
 
-# Above this residual the nodes are no equilibrium.
+# Above this residual the nodes are no equilibrium, unless rounding of the nodes alone leaves more than a tenth of it.
 _ACCEPTABLE = 1e-9
+_ROUNDINGS = 10.0
+# Nodes this far from symmetric (over the size) are judged at full size.
+_SYMMETRIC = 1e-9
+# Up to this many degrees of freedom all modes cost less than 20 ms, and nobody waits for the smallest one.
+_ALL_MODES_ARE_CHEAP = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +54,23 @@ class Equilibrium:
     rest_lengths : (nt,) m
         L0 - u of every tendon.
     iterations : int
-        Newton steps that found it.
+        Newton steps that found it, in a sector and on the whole structure.
+    symmetry : CyclicSymmetry or None
+        The symmetry by which it was found in one sector.
     """
 
     potential: Potential
     nodes: Float[np.ndarray, "nodes 3"]
     rest_lengths: Float[np.ndarray, " tendons"]
     iterations: int
+    symmetry: CyclicSymmetry | None = None
+
+    @property
+    def way(self) -> str:
+        """How it was found, in words."""
+        if self.symmetry is None:
+            return "whole structure"
+        return f"one of {self.symmetry.order} sectors (symmetric to {self.symmetry.mismatch:.0e}), checked on all"
 
     @property
     def structure(self) -> Structure:
@@ -95,30 +124,55 @@ class Equilibrium:
         """Largest unbalanced nodal force on the manifold over the largest tension or load."""
         return balance.residual(self.point)
 
+    @property
+    def attainable(self) -> float:
+        """Residual that rounding of the nodes alone leaves."""
+        return balance.attainable(self.point)
+
     @cached_property
     def spectrum(self) -> Spectrum:
-        """Modes of vibration about the equilibrium."""
+        """Modes of vibration about the equilibrium: all up to 2000 degrees of freedom, the lowest 20 beyond."""
         return spectrum(self.point)
 
     @property
-    def omega2(self) -> Float[np.ndarray, " size"]:
-        """Squared natural frequencies, rad^2/s^2, ascending, rigid-body zeros included."""
+    def omega2(self) -> Float[np.ndarray, " modes"]:
+        """Squared natural frequencies, rad^2/s^2, ascending, rigid-body zeros included (see `spectrum`)."""
         return np.sort(self.spectrum.omega2)
 
-    @property
+    @cached_property
     def smallest(self) -> float:
         """Smallest eigenvalue that is no rigid-body motion, rad^2/s^2."""
-        return self.spectrum.smallest
+        if self._sector is not None and self.potential.manifold.size > _ALL_MODES_ARE_CHEAP:
+            return harmonic_smallest(self._sector, self.tolerance)[0]
+        if "spectrum" in self.__dict__ or self.potential.manifold.size <= _ALL_MODES_ARE_CHEAP:
+            return self.spectrum.smallest
+        return spectrum(self.point, 1).smallest
 
-    @property
+    @cached_property
     def tolerance(self) -> float:
         """Size below which an eigenvalue is rounding, rad^2/s^2."""
-        return self.spectrum.tolerance
+        return eigenvalue_tolerance(self.point)
+
+    @cached_property
+    def definiteness(self) -> Definiteness:
+        """Counts of negative and undecided eigenvalues of the scaled Hessian, from which `stable` follows."""
+        return whole_definiteness(self.point) if self._sector is None else self._by_harmonics(self._sector)
 
     @cached_property
     def stable(self) -> Stability:
         """Yes, no, undecided, or "no prestress"; true only for yes."""
-        return judge(self.point, self.spectrum)
+        return judge(self.point, self.definiteness)
+
+    def _by_harmonics(self, sector: SectorPoint) -> Definiteness:
+        return harmonic_definiteness(sector, unknown_force(self.point))
+
+    @cached_property
+    def _sector(self) -> SectorPoint | None:
+        """The sector's point, if these nodes and rest lengths have the symmetry."""
+        if self.symmetry is None or self.symmetry.deviation(self.nodes) > _SYMMETRIC:
+            return None
+        sector = Sector.of(self.potential, self.symmetry, self.rest_lengths)
+        return sector.at(sector.restrict(self.nodes))
 
     def verify(self, tol: float = _ACCEPTABLE) -> None:
         """Check force balance and rod lengths against the structure.
@@ -128,7 +182,7 @@ class Equilibrium:
         EquilibriumError
             With the residual reached.
         """
-        if not self.residual <= tol:
+        if not self.residual <= max(tol, _ROUNDINGS * self.attainable):
             raise EquilibriumError(
                 f"the nodes are no equilibrium: {self.residual:.1e} of the largest force is left over, "
                 f"at most {tol:.0e} is expected."
@@ -167,9 +221,13 @@ def find_equilibrium(
     EquilibriumError
         When no balance is reached, with the residual and what to try.
     """
+    return settle(Potential.of(scene), start=start, inputs=inputs, newton=newton_of(scene))
+
+
+def newton_of(scene: Scene) -> Newton:
+    """The settings of a scene's search."""
     settings = scene.equilibrium
-    newton = Newton() if settings is None else Newton(settings.tol, settings.max_iterations)
-    return settle(Potential.of(scene), start=start, inputs=inputs, newton=newton)
+    return Newton() if settings is None else Newton(settings.tol, settings.max_iterations)
 
 
 def settle(
@@ -178,18 +236,37 @@ def settle(
     start: Float[np.ndarray, "nodes 3"] | None = None,
     inputs: np.ndarray | None = None,
     newton: Newton | None = None,
+    symmetric: bool = True,
 ) -> Equilibrium:
-    """`find_equilibrium` for a potential that is already built."""
+    """`find_equilibrium` for a potential that is already built.
+
+    Parameters
+    ----------
+    symmetric : bool
+        Whether a cyclic symmetry may be used where there is one.
+    """
     newton = Newton() if newton is None else newton
+    check_sound(potential)
     rest = potential.members.rest_lengths.copy()
     if inputs is not None:
         rest[potential.members.inputs] -= inputs
-    nodes = potential.structure.nodes if start is None else np.asarray(start, float)
-    point, iterations = newton.minimise(potential, nodes, rest)
-    equilibrium = Equilibrium(potential, point.nodes, rest, iterations)
-    if not equilibrium.residual <= max(_ACCEPTABLE, newton.tol):
+    nodes = None if start is None else np.asarray(start, float)
+    found = search(potential, nodes, rest, newton, symmetric=symmetric)
+    equilibrium = Equilibrium(potential, found.nodes, rest, found.iterations, found.symmetry)
+    allowed = max(_ACCEPTABLE, newton.tol, _ROUNDINGS * equilibrium.attainable)
+    if not equilibrium.residual <= allowed:
         raise EquilibriumError(
-            f"no equilibrium was reached in {iterations} steps: {equilibrium.residual:.1e} of the largest force is "
-            "left over; check that loads are held by pins, or start nearer to the shape that is meant."
+            f"no equilibrium was reached in {found.iterations} steps: {equilibrium.residual:.1e} of the largest force "
+            f"is left over; {_what_to_try(equilibrium)}"
         )
     return equilibrium
+
+
+def _what_to_try(equilibrium: Equilibrium) -> str:
+    potential = equilibrium.potential
+    if potential.members.forces.any() and not potential.structure.pinned.any():
+        return (
+            f"the loads leave {unheld(potential, equilibrium.nodes)} there; "
+            "check that loads are held by pins, or add loads that balance them."
+        )
+    return "check that loads are held by pins, or start nearer to the shape that is meant."

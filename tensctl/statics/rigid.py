@@ -13,6 +13,8 @@ from jaxtyping import Float
 from tensctl.elements import Potential
 
 _AXES = "xyz"
+# Loads are given in decimal numbers: their sum and their moments vanish to rounding only.
+_NO_WORK = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +26,13 @@ class RigidMotions:
     basis : (size, r) tangent coordinates, 1/sqrt(kg)
         basis' M basis = I.
     names : r labels, `translation x`, `rotation z`, ...
+    fields : (6, r)
+        v (m/s) and omega (rad/s) of each motion, about the mass centre.
     """
 
     basis: Float[np.ndarray, "size r"]
     names: tuple[str, ...]
+    fields: Float[np.ndarray, "6 r"]
 
 
 def rigid_motions(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) -> RigidMotions:
@@ -41,12 +46,55 @@ def rigid_motions(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) -> 
     centre = mass_centre(potential, nodes)
     fields = _allowed(nodes, centre, potential.structure.pinned)
     if fields.shape[1] == 0 or manifold.size == 0:
-        return RigidMotions(np.zeros((manifold.size, 0)), ())
+        return RigidMotions(np.zeros((manifold.size, 0)), (), np.zeros((6, 0)))
     motion = _nodal(nodes, centre) @ fields
     coordinates = manifold.coordinates_of(nodes, motion)
     free = not potential.structure.pinned.any()
     basis, turned = _orthonormal(coordinates, mass, free)
-    return RigidMotions(basis, _names(fields @ turned))
+    return RigidMotions(basis, _names(fields @ turned), fields @ turned)
+
+
+def unseen_motions(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) -> RigidMotions:
+    """Rigid-body motions that the ground allows and on which no load does work, wherever the structure is.
+
+    A motion v + omega x (p - c) is one when no load has a moment about it, w_i x omega = 0 for every load, and their
+    sum does no work, sum w . v = 0: without loads all motions, under weight those along and about the vertical.
+    Dead loads make pendulums of the others, and a sum of loads that pushes a free structure away finds no rest.
+    """
+    motions = rigid_motions(potential, nodes)
+    forces = potential.members.forces
+    if not forces.any() or not motions.names:
+        return motions
+    keep = _kernel(_work(forces, motions.fields))
+    fields = motions.fields @ keep
+    return RigidMotions(motions.basis @ keep, _names(fields), fields)
+
+
+def works_on(forces: Float[np.ndarray, "nodes 3"], fields: Float[np.ndarray, "6 r"]) -> np.ndarray:
+    """Whether the loads do work on each motion somewhere, (r,) bool."""
+    if not forces.any():
+        return np.zeros(fields.shape[1], bool)
+    return np.linalg.norm(_work(forces, fields), axis=0) > _NO_WORK
+
+
+def _work(forces: np.ndarray, fields: np.ndarray) -> np.ndarray:
+    """What each motion does to the loads: moments w_i x omega, and the work of their sum; one column a motion."""
+    loaded = forces[forces.any(axis=1)]
+    loaded = loaded / np.linalg.norm(loaded, axis=1).max()
+    moments = np.cross(loaded[:, None, :], fields[3:].T[None]).transpose(0, 2, 1).reshape(-1, fields.shape[1])
+    sizes = np.linalg.norm(np.vstack([fields[:3], fields[3:]]), axis=0)
+    return np.vstack([moments, loaded.sum(axis=0) @ fields[:3]]) / np.where(sizes > 0, sizes, 1.0)
+
+
+def _kernel(matrix: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the null space; unit vectors where these will do, so names stay plain."""
+    count = matrix.shape[1]
+    plain = np.linalg.norm(matrix, axis=0) <= _NO_WORK
+    _, sizes, rows = np.linalg.svd(matrix[:, ~plain], full_matrices=True)
+    rank = int((sizes > _NO_WORK).sum())
+    mixed = np.zeros((count, int((~plain).sum()) - rank))
+    mixed[~plain] = rows[rank:].T
+    return np.hstack([np.eye(count)[:, plain], mixed])
 
 
 def mass_centre(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, " 3"]:

@@ -1,6 +1,6 @@
 """Is the rest stable? The eigenvalues of the Riemannian Hessian against the mass matrix say so.
 
-H phi = omega^2 M phi, with the rigid-body motions R (H R = 0) taken out exactly
+H phi = omega^2 M phi, with the rigid-body motions R that no load sees (H R = 0) taken out exactly
 """
 
 from __future__ import annotations
@@ -9,11 +9,18 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-import scipy.linalg as sla
+import scipy.sparse as sp
 from jaxtyping import Float
 
 from tensctl.elements import PotentialPoint
-from tensctl.statics.rigid import RigidMotions, rigid_motions
+from tensctl.statics.balance import attainable, residual
+from tensctl.statics.definiteness import Definiteness, at_worst, blur_of, definiteness
+from tensctl.statics.lowest import across, lowest_modes
+from tensctl.statics.rigid import RigidMotions, unseen_motions
+
+# All modes up to this many degrees of freedom (about 5 s and 0.1 GB at the limit), the lowest few beyond.
+ALL_MODES = 2000
+_LOWEST = 20
 
 
 class Stability(StrEnum):
@@ -34,9 +41,9 @@ class Spectrum:
 
     Attributes
     ----------
-    omega2 : (size,) rad^2/s^2
+    omega2 : (modes,) rad^2/s^2
         Rigid-body motions first (their values as computed, near zero), then the others, ascending.
-    shapes : (size, size) tangent coordinates, 1/sqrt(kg)
+    shapes : (size, modes) tangent coordinates, 1/sqrt(kg)
         shapes' M shapes = I, one column a mode.
     rigid : RigidMotions
         The motions that the energy does not see; the first `len(rigid.names)` columns of shapes.
@@ -44,8 +51,8 @@ class Spectrum:
         Eigenvalues below this size are rounding.
     """
 
-    omega2: Float[np.ndarray, " size"]
-    shapes: Float[np.ndarray, "size size"]
+    omega2: Float[np.ndarray, " modes"]
+    shapes: Float[np.ndarray, "size modes"]
     rigid: RigidMotions
     tolerance: float
 
@@ -64,44 +71,77 @@ class Spectrum:
         """Whether anything but rigid-body motion is left."""
         return self.omega2.size > self.rigid_count
 
+    @property
+    def complete(self) -> bool:
+        """Whether all modes are there; beyond 2000 degrees of freedom only the lowest 20 are."""
+        return self.shapes.shape[0] == self.shapes.shape[1]
 
-def spectrum(point: PotentialPoint) -> Spectrum:
-    """All modes about a point, dense.
+
+def spectrum(point: PotentialPoint, count: int | None = None) -> Spectrum:
+    """Modes about a point: all up to 2000 degrees of freedom, the lowest 20 beyond, or `count` of them.
 
     Rigid-body motions are known in closed form and are taken out before the eigenvalue problem is solved, so they
     neither blur the lowest flexible modes nor take their noise. A motion that the energy does see (dead loads turn
     rotations into pendulums) stays among the others. Accurate to about size * 1e-16 of the largest eigenvalue.
     """
-    potential = point.potential
-    root = np.sqrt(potential.manifold.mass(potential.members.mass))
-    scaled = point.hessian.toarray() / root / root[:, None]
-    scaled = 0.5 * (scaled + scaled.T)
-    # The largest row sum bounds every eigenvalue and is within a factor of a few of the largest.
-    bound = float(np.abs(scaled).sum(axis=1).max(initial=0.0))
-    tolerance = 1e-15 * max(len(root), 10) * bound
-    rigid = _unseen(rigid_motions(potential, point.nodes), scaled, root, 100 * tolerance)
-    basis = root[:, None] * rigid.basis
-    seen = np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :] if basis.shape[1] else np.eye(len(root))
-    omega2, vectors = sla.eigh(seen.T @ scaled @ seen, check_finite=False)
-    zeros = np.einsum("ij,ik,kj->j", basis, scaled, basis)
-    shapes = np.hstack([basis, seen @ vectors]) / root[:, None]
+    root, scaled = _mass_scaled(point)
+    tolerance = eigenvalue_tolerance(point)
+    rigid = unseen_motions(point.potential, point.nodes)
+    held = root[:, None] * rigid.basis
+    if count is None and root.size > ALL_MODES:
+        count = _LOWEST - held.shape[1]
+    if count is None:
+        omega2, vectors = across(scaled.toarray(), held)
+    else:
+        omega2, vectors = lowest_modes(scaled, held, count, tolerance)
+    zeros = np.einsum("ij,ij->j", held, scaled @ held)
+    shapes = np.hstack([held, vectors]) / root[:, None]
     return Spectrum(np.concatenate([zeros, omega2]), shapes, rigid, tolerance)
 
 
-def _unseen(rigid: RigidMotions, scaled: np.ndarray, root: np.ndarray, tolerance: float) -> RigidMotions:
-    """The rigid-body motions that cost no energy."""
-    if not rigid.names:
-        return rigid
-    cost = np.linalg.norm(scaled @ (root[:, None] * rigid.basis), axis=0)
-    keep = cost <= tolerance
-    names = tuple(name for name, kept in zip(rigid.names, keep, strict=True) if kept)
-    return RigidMotions(rigid.basis[:, keep], names)
+def eigenvalue_tolerance(point: PotentialPoint) -> float:
+    """Size below which an eigenvalue is rounding, rad^2/s^2: size * 1e-15 of the largest row sum."""
+    root, scaled = _mass_scaled(point)
+    # The largest row sum bounds every eigenvalue and is within a factor of a few of the largest.
+    return 1e-15 * max(root.size, 10) * float(np.asarray(abs(scaled).sum(axis=1)).max(initial=0.0))
 
 
-def judge(point: PotentialPoint, modes: Spectrum) -> Stability:
+def _mass_scaled(point: PotentialPoint) -> tuple[np.ndarray, sp.csr_array]:
+    root = np.sqrt(point.potential.manifold.mass(point.potential.members.mass))
+    scaled = sp.csr_array(sp.diags_array(1 / root) @ point.hessian @ sp.diags_array(1 / root))
+    return root, sp.csr_array(0.5 * (scaled + scaled.T))
+
+
+def whole_definiteness(point: PotentialPoint) -> Definiteness:
+    """Counts of negative and undecided eigenvalues of the Hessian at full size."""
+    force = unknown_force(point)
+    counts = _whole(point, force)
+    edge = (point.terms.tensions > 0) & (point.terms.tensions <= force)
+    if not edge.any():
+        return counts
+    slack = np.where(edge, np.inf, point.rest_lengths)
+    return at_worst(counts, _whole(point.potential.at(point.nodes, slack), force))
+
+
+def unknown_force(point: PotentialPoint) -> float:
+    """What tensions may be wrong by, N: ten times what is left unbalanced, or what rounding of the nodes leaves."""
+    forces = np.linalg.norm(point.potential.members.forces, axis=1)
+    scale = max(point.terms.tensions.max(initial=0.0), forces.max(initial=0.0))
+    return 10.0 * max(residual(point), attainable(point)) * float(scale)
+
+
+def _whole(point: PotentialPoint, force: float) -> Definiteness:
+    manifold, tendons = point.potential.manifold, point.potential.structure.tendons
+    bend = manifold.bend(point.nodes, -point.nodal_forces).diagonal()
+    lengths = np.linalg.norm(point.nodes[tendons[:, 1]] - point.nodes[tendons[:, 0]], axis=1)
+    blur = blur_of(point.tangent, tendons, lengths, 0.5 * manifold.lengths, force)
+    return definiteness(point.hessian, bend, blur, unseen_motions(point.potential, point.nodes).basis)
+
+
+def judge(point: PotentialPoint, counts: Definiteness) -> Stability:
     """Stable, unstable or undecided in double precision; all slack and unloaded is "no prestress"."""
     if point.at_ease:
         return Stability.NO_PRESTRESS
-    if not modes.has_flexible or modes.smallest > modes.tolerance:
-        return Stability.YES
-    return Stability.NO if modes.smallest < -modes.tolerance else Stability.UNDECIDED
+    if counts.negative:
+        return Stability.NO
+    return Stability.UNDECIDED if counts.undecided else Stability.YES
