@@ -10,14 +10,14 @@ from support import network_scene, pendulum_scene, prism_scene, replaced, rotati
 import tensctl as tc
 from tensctl.elements import Potential
 from tensctl.statics import settle
-from tensctl.statics.definiteness import definiteness
+from tensctl.statics.definiteness import Definiteness, at_worst, definiteness
 from tensctl.statics.factor import Factor
 from tensctl.statics.harmonics import harmonic_smallest
 from tensctl.statics.lowest import lowest_modes
 from tensctl.statics.newton import Newton, Whole, orthonormal
 from tensctl.statics.rigid import unseen_motions
 from tensctl.statics.sector import Sector
-from tensctl.statics.stability import spectrum
+from tensctl.statics.stability import spectrum, whole_definiteness
 from tensctl.statics.symmetry import find_symmetry
 from tensctl.statics.trust_region import dense_model, grounded, krylov_model
 
@@ -224,12 +224,14 @@ class TestSymmetry:
         assert sector.energy == pytest.approx(whole.energy, rel=1e-12)
         assert np.abs(sector.tensions - whole.tensions).max() < 1e-9 * whole.tensions.max()
         assert sector.stable is whole.stable is YES
+        assert sector._sector is not None
         block, _ = harmonic_smallest(sector._sector, sector.tolerance)
         assert block == pytest.approx(whole.smallest, rel=1e-8)
         sector.verify(1e-12)
 
     def test_blocks_have_the_eigenvalues_of_the_whole(self):
         rest = settle(potential_of(5, 2))
+        assert rest._sector is not None
         blocks = [np.linalg.eigvalsh(rest._sector.harmonic(k).toarray()) for k in range(5)]
         whole = np.linalg.eigvalsh(rest.point.hessian.toarray())
         assert np.abs(np.sort(np.concatenate(blocks)) - whole).max() < 1e-11 * whole[-1]
@@ -298,6 +300,12 @@ class TestSymmetry:
         assert one.stable is YES
 
 
+def _whole_counts(point, force):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tensctl.statics.stability.unknown_force", lambda _: force)
+        return whole_definiteness(point)
+
+
 class TestDefiniteness:
     @settings(max_examples=20)
     @given(seed=st.integers(0, 10**6), spread=st.floats(0, 12))
@@ -319,6 +327,24 @@ class TestDefiniteness:
         assert (counts.negative, counts.undecided) == (2, 3)
         held = definiteness(H, zero, zero, Q[:, 2:4])
         assert (held.negative, held.undecided) == (2, 1)
+
+    def test_taut_or_slack_the_verdict_has_to_hold(self):
+        taut, slack = Definiteness(1, 0, 1e-14), Definiteness(3, 1, 1e-14)
+        assert at_worst(taut, slack) == Definiteness(1, 3, 1e-14)
+        assert at_worst(taut, taut) == taut
+
+    def test_a_tie_within_rounding_of_slack_holds_nothing_for_sure(self):
+        """A rod whose only hold across is a tie with a tension of 1e-9 of the largest, at a rest known to 1e-8."""
+        nodes = {"o": [0, 0, 0], "head": [1, 0, 0], "far": [-1, 0, 0], "side": [1, 1, 0], "other": [1, -1, 0]}
+        ties = {"pull": ["head", "far"], "a": ["head", "side"], "b": ["head", "other"]}
+        lengths = {"pull": 1.9, "a": 1 - 1e-9, "b": 1 - 1e-9}
+        scene = network_scene(nodes, {"rod": ["o", "head"]}, ties, ["o", "far", "side", "other"])
+        potential = Potential.of(scene.replaced(tendons={"rest_length": lengths}))
+        point = potential.at(potential.structure.nodes)
+        sure, unsure = (_whole_counts(point, force) for force in (1e-12, 1e-6))
+        assert sure.negative == 1  # down, out of the plane of the ties; across they hold with their stiffness
+        assert sure.undecided == 0
+        assert unsure.negative + unsure.undecided == 2
 
     def test_tied_by_a_node_only(self):
         """A long rod that hangs with one end in a prism swings for nothing: neither stable nor unstable."""

@@ -8,6 +8,9 @@ from support import REFERENCE, prism_scene, reference_prism, replaced, rotation,
 import tensctl as tc
 from tensctl.elements import Potential
 from tensctl.statics import Equilibrium, settle
+from tensctl.statics.inverse import inverse_statics
+from tensctl.statics.nearest import nearest_shape
+from tensctl.statics.prestress import self_stress
 from tensctl.statics.response import (
     compliance,
     displacement_under,
@@ -16,9 +19,6 @@ from tensctl.statics.response import (
     static_response,
     tension_influence,
 )
-from tensctl.statics.inverse import inverse_statics
-from tensctl.statics.nearest import nearest_shape
-from tensctl.statics.prestress import self_stress
 
 LAWS = [{"stiffness": 100.0}, {"EA": 100.0}]
 

@@ -6,8 +6,8 @@ coordinates. Coordinates y of what is left are square in the mass metric, xi = Z
     gradient Z'g,   Hessian Z' (H + curvature under the joint forces mu) Z,   mu = argmin |M^-1/2 (g + A'mu)|
 
 A step goes along Z y and closes the joints again square to it, so rod lengths are exact and joints closed to rounding.
-Redundant joints (loops of rods) lower the rank of A; it is decided once, at the structure's own nodes, from the diagonal
-of a pivoted QR.
+Redundant joints (loops of rods) lower the rank of A; it is decided once, at the structure's own nodes, from the
+diagonal of a pivoted QR.
 """
 
 from __future__ import annotations

@@ -225,6 +225,11 @@ def linearize(
         )
     if equilibrium.point.at_ease:
         raise LinearizationError("every tendon is slack, so nothing holds the shape; shorten the rest lengths.")
+    if not equilibrium.spectrum.complete:
+        raise LinearizationError(
+            f"the structure has {equilibrium.potential.manifold.size} degrees of freedom, too many for modes; "
+            "its lowest frequencies are in equilibrium.omega2."
+        )
     return LinearModel(
         dynamics, equilibrium, find_modes(equilibrium), output_map(dynamics, equilibrium, tuple(outputs))
     )

@@ -158,8 +158,8 @@ def build_dynamics(scene: Scene) -> Dynamics:
     potential = Potential.of(scene)
     if potential.structure.jointed:
         raise StructureError(
-            "this structure has rods that share a node; its equilibrium and stability can be found, but joints in motion "
-            "are not supported yet."
+            "this structure has rods that share a node; its equilibrium and stability can be found, but joints in "
+            "motion are not supported yet."
         )
     damping, drag = resolve_damping(potential)
     return Dynamics(potential, damping, drag)

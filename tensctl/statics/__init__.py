@@ -1,5 +1,7 @@
 """Where a structure rests, and whether it stays there."""
 
+from tensctl.statics.continuation import EquilibriumPath, PathEvent, follow
+from tensctl.statics.definiteness import Definiteness
 from tensctl.statics.equilibrium import Equilibrium, find_equilibrium, settle
 from tensctl.statics.inverse import HeldShape, inverse_statics
 from tensctl.statics.nearest import NearestShape, nearest_shape
@@ -24,14 +26,21 @@ from tensctl.statics.response import (
     static_response,
     tension_influence,
 )
-from tensctl.statics.rigid import RigidMotions, mass_centre, rigid_motions
+from tensctl.statics.rigid import RigidMotions, mass_centre, rigid_motions, unseen_motions
 from tensctl.statics.stability import Spectrum, Stability, judge, spectrum
+from tensctl.statics.starts import Equilibria, find_equilibria
+from tensctl.statics.symmetry import CyclicSymmetry, find_symmetry
 
 __all__ = [
+    "CyclicSymmetry",
+    "Definiteness",
+    "Equilibria",
     "Equilibrium",
+    "EquilibriumPath",
     "HeldShape",
     "NearestShape",
     "Newton",
+    "PathEvent",
     "Prestress",
     "PrestressLevels",
     "RigidMotions",
@@ -44,7 +53,10 @@ __all__ = [
     "compliance",
     "cyclic_orbits",
     "displacement_under",
+    "find_equilibria",
     "find_equilibrium",
+    "find_symmetry",
+    "follow",
     "inverse_statics",
     "judge",
     "mass_centre",
@@ -59,4 +71,5 @@ __all__ = [
     "static_influence",
     "static_response",
     "tension_influence",
+    "unseen_motions",
 ]

@@ -13,7 +13,6 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
-
 # Stands for zero in a denominator; its square is still a number.
 _TINY = 1e-150
 
