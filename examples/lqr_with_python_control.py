@@ -47,7 +47,7 @@ loop = ct.StateSpace(plant.A - plant.B @ K, plant.B, plant.C - plant.D @ K, plan
 loop.update_names(inputs=plant.input_labels, outputs=plant.output_labels)
 tendon, node = loop.input_labels.index("u_t5_1_1"), loop.output_labels.index("P4_1_1_z")
 response = ct.step_response(0.01 * loop[node, tendon], timepts=np.linspace(0, 6, 400))
-print(f"P4_1_1 settles {1e3 * response.y[0, 0, -1]:.3f} mm higher")
+print(f"P4_1_1 settles at z {1e3 * response.y[0, 0, -1]:+.3f} mm")
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent
 figure = response.plot(title="P4_1_1 after t5_1_1 is shortened by 10 mm").figure

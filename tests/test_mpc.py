@@ -54,11 +54,7 @@ class TestOptimum:
     @pytest.mark.parametrize("size", [QUIET, LIVELY, BUSY], ids=["quiet", "lively", "busy"])
     def test_three_ways(self, mast, controller, size):
         problem, limits, qp = controller.statement(0.0, disturbed(mast, *size))
-        lower = np.full_like(limits.input_upper, -np.inf)
-        cost, inputs = reference_optimum(
-            problem, limits.start, limits.tension_margin, lower, limits.input_upper,
-            limits.change_lower, limits.change_upper,
-        )  # fmt: skip
+        cost, inputs = reference_optimum(problem, limits)
         assert np.isfinite(cost)
         for solver in (DaqpSolver, OsqpSolver):
             found = solver(qp).solve(qp)

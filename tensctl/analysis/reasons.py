@@ -34,7 +34,9 @@ def why_not_driven(linear: LinearModel, mode: Mode, position: int, verdict: Verd
     if not (moved & acting).any():
         labels = [linear.dynamics.structure.tendon_labels[t] for t in np.flatnonzero(moved)[:3]]
         return f"unactuated: it stretches only tendons without actuator ({', '.join(labels)} ...)"
-    return f"symmetry: the inputs reach {driven} of the {mode.multiplicity} directions of this repeated frequency"
+    if driven:
+        return f"symmetry: the inputs reach {driven} of the {mode.multiplicity} directions of this repeated frequency"
+    return "the pulls of the actuated tendons on this mode cancel"
 
 
 def why_not_seen(linear: LinearModel, mode: Mode, position: int, verdict: Verdict, driven: int) -> str:

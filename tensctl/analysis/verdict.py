@@ -65,16 +65,28 @@ class ModalReport:
 
     @property
     def controllable_modes(self) -> tuple[int, ...]:
-        """Indices of the modes whose answer is yes."""
-        return tuple(mode.index for mode in self.modes if mode.verdict == "yes")
+        """Indices of the modes that inputs drive."""
+        return self._answered("controllable", yes=True)
 
     @property
     def uncontrollable_modes(self) -> tuple[int, ...]:
-        """Indices of the modes whose answer is not yes."""
-        return tuple(mode.index for mode in self.modes if mode.verdict != "yes")
+        """Indices of the modes that inputs do not drive, or not for certain."""
+        return self._answered("controllable", yes=False)
 
-    observable_modes = controllable_modes
-    unobservable_modes = uncontrollable_modes
+    @property
+    def observable_modes(self) -> tuple[int, ...]:
+        """Indices of the modes that outputs see."""
+        return self._answered("observable", yes=True)
+
+    @property
+    def unobservable_modes(self) -> tuple[int, ...]:
+        """Indices of the modes that outputs do not see, or not for certain."""
+        return self._answered("observable", yes=False)
+
+    def _answered(self, question: str, *, yes: bool) -> tuple[int, ...]:
+        if question != self.question:
+            raise AttributeError(f"this report says which modes are {self.question}, not which are {question}")
+        return tuple(mode.index for mode in self.modes if (mode.verdict == "yes") == yes)
 
     def __str__(self) -> str:
         """A table, one line a mode."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -29,12 +29,14 @@ def write_mat(scene: Scene, path: str | Path) -> Path:
     """
     from scipy.io import savemat
 
-    equilibrium, asked = find_equilibrium(scene), scene.linearize
+    path, asked = Path(path), scene.linearize
+    if path.is_dir() or not path.parent.is_dir():
+        raise OutputError(f"{path} cannot be written: give a file in a folder that exists.")
     outputs = ("nodes", "tensions") if asked is None else asked.outputs
-    linear = linearize(build_dynamics(scene), equilibrium, outputs=outputs)
-    path = Path(path)
+    linear = linearize(build_dynamics(scene), find_equilibrium(scene), outputs=outputs)
     try:
-        savemat(path, _contents(linear), appendmat=False)
+        with path.open("wb") as stream:
+            savemat(cast("Any", stream), _contents(linear))
     except OSError as error:
         raise OutputError(f"{path} cannot be written: {error.strerror or error}.") from None
     return path

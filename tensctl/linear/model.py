@@ -214,6 +214,10 @@ def linearize(
     unknown = [kind for kind in outputs if kind not in ("nodes", "lengths", "tensions")]
     if unknown:
         raise LinearizationError(f'output "{unknown[0]}" is unknown; choose from nodes, lengths, tensions.')
+    if not _same(dynamics, equilibrium):
+        raise LinearizationError(
+            "the equilibrium belongs to another structure or other materials; make it and the dynamics from one scene."
+        )
     stretch = equilibrium.lengths - equilibrium.rest_lengths
     edge = np.abs(stretch) <= _BOUNDARY * equilibrium.lengths
     edge &= ~dynamics.structure.grounded_tendons
@@ -233,3 +237,19 @@ def linearize(
     return LinearModel(
         dynamics, equilibrium, find_modes(equilibrium), output_map(dynamics, equilibrium, tuple(outputs))
     )
+
+
+def _same(dynamics: Dynamics, equilibrium: Equilibrium) -> bool:
+    """Whether both speak of the same members, materials and loads."""
+    ours, theirs = dynamics.potential, equilibrium.potential
+    if ours is theirs:
+        return True
+    pairs = (
+        (ours.structure.rods, theirs.structure.rods),
+        (ours.structure.tendons, theirs.structure.tendons),
+        (ours.structure.pinned, theirs.structure.pinned),
+        (ours.members.stiffness, theirs.members.stiffness),
+        (ours.members.mass, theirs.members.mass),
+        (ours.members.forces, theirs.members.forces),
+    )
+    return ours.members.law == theirs.members.law and all(np.array_equal(a, b) for a, b in pairs)

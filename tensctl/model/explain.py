@@ -52,7 +52,7 @@ def explain(potential: Potential, damping: np.ndarray, drag: float) -> tuple[Ter
             "no push is asked for",
             3 * max(1, int(members.pushed.size)),
         ),
-        _term("rods turning about a pin", held, f"{held} rods", "no node is pinned", 30 * max(held, 1)),
+        _term("rods turning about a pin", held, f"{held} rods", "no rod has exactly one end pinned", 30 * max(held, 1)),
         Term("mass matrix", False, "accelerations are explicit in rod-end coordinates", None),
         Term("multipliers", False, "no two rods share a node, so rod lengths hold by themselves", None),
         Term(

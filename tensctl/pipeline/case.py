@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from tensctl import __version__
+from tensctl.pipeline.certificate import Certificate
 from tensctl.pipeline.results import Results
 from tensctl.report import Case, Check, Height, Limits, MpcCheck
 from tensctl.report import Push as ShownPush
 from tensctl.structure import matches
 from tensctl.synthesis import shell_height
+
+# Time after the last planned motion or push before the shape is judged, s.
+_SETTLING = 3.0
 
 
 def to_case(results: Results, seconds: dict[str, float]) -> Case:
@@ -17,7 +21,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
     return Case(
         title=results.scene.title or "tensctl run",
         version=__version__,
-        structure=results.dynamics.structure,
+        structure=results.structure,
         scene_toml=results.scene.to_toml(),
         equilibrium=results.equilibrium,
         linear=results.linear,
@@ -30,7 +34,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         height=_height(results),
         mpc_check=_mpc_check(results),
         pushes=_pushes(results),
-        explain=results.dynamics.explain().terms,
+        explain=None if results.dynamics is None else results.dynamics.explain().terms,
         checks=checks(results),
         seconds=dict(seconds),
     )
@@ -49,14 +53,35 @@ def checks(results: Results) -> tuple[Check, ...]:
         found.append(_below("run: drift of a rod's length over itself", results.run.rod_drift, 1e-12))
     if results.certificate is not None and results.run is not None:
         certificate = results.certificate
-        found.append(_below("MPC: worst KKT residual", float(np.nanmax(results.run.kkt)), 1e-6))
+        solved = results.run.kkt[np.isfinite(results.run.kkt)]
+        found.append(_below("MPC: worst KKT residual", solved.max(initial=0.0), 1e-6))
+        found.append(_below("MPC: steps without an acceptable answer", results.run.kkt.size - solved.size, 0))
         found.append(_below("MPC: hard limits violated", certificate.violations, 0))
-        note = f"step at {certificate.checked_at:.2f} s"
-        found.append(_below("MPC: cost against cvxpy, relative", certificate.cost_difference, 1e-7, note))
-        found.append(_below("MPC: first input against cvxpy, m", certificate.input_difference, 1e-7, note))
-    if results.shape_error is not None and results.mpc is not None:
+        found += _twice_stated(certificate)
+    if results.shape_error is not None and _had_time(results):
         found.append(_below("closed loop: last distance to the wanted shape, m", results.shape_error[-1], 1e-3))
     return tuple(found)
+
+
+def _twice_stated(certificate: Certificate) -> list[Check]:
+    """The step that was stated again in cvxpy, when there was one to state."""
+    if certificate.cost_difference is None or certificate.input_difference is None:
+        return []
+    note = f"step at {certificate.checked_at:.2f} s"
+    return [
+        _below("MPC: cost against cvxpy, relative", certificate.cost_difference, 1e-7, note),
+        _below("MPC: first input against cvxpy, m", certificate.input_difference, 1e-7, note),
+    ]
+
+
+def _had_time(results: Results) -> bool:
+    """Whether the run leaves the controller three seconds after the motion and the last push."""
+    simulation, target = results.scene.simulation, results.scene.target
+    if simulation is None:
+        return False
+    busy = [push.stop for push in simulation.push if push.start < simulation.t_end]
+    busy += [] if target is None else [target.start + target.duration]
+    return simulation.t_end >= max(busy, default=0.0) + _SETTLING
 
 
 def _below(name: str, value: float, bound: float, note: str = "") -> Check:
@@ -66,13 +91,13 @@ def _below(name: str, value: float, bound: float, note: str = "") -> Check:
 def _limits(results: Results) -> Limits | None:
     if results.mpc is None:
         return None
-    return Limits(results.mpc.tension_min, results.dynamics.members.floors, results.mpc.rate_max)
+    return Limits(results.mpc.tension_min, results.equilibrium.potential.members.floors, results.mpc.rate_max)
 
 
 def _height(results: Results) -> Height | None:
     if results.path is None or results.run is None:
         return None
-    height = shell_height(results.dynamics.structure)
+    height = shell_height(results.structure)
     return Height(
         before=height.of(results.run.nodes[0]),
         after=height.of(results.run.nodes[-1]),
@@ -99,7 +124,7 @@ def _pushes(results: Results) -> tuple[ShownPush, ...]:
     simulation = results.scene.simulation
     if simulation is None:
         return ()
-    labels = results.dynamics.structure.node_labels
+    labels = results.structure.node_labels
     return tuple(
         ShownPush(node, push.force, push.start, push.stop)
         for push in simulation.push

@@ -11,6 +11,8 @@ from tensctl.synthesis import MPC
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 
 _ROUNDING = 1e-12
+# Optima below the cost of this change of every input are rounding, and their ratio means nothing.
+_MICROMETRE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -23,11 +25,11 @@ class Certificate:
         Recorded times at which a rest length was below its floor or changed faster than allowed.
     below_floor : int
         Recorded times at which a taut tendon of the plant was below the tension floor.
-    checked_at : float, s
-        Time of the step that was stated again.
-    cost_difference : float
-        Relative difference of the optima of both statements.
-    input_difference : float, m
+    checked_at : float or None, s
+        Time of the step that was stated again; None when every step gave way or fell back.
+    cost_difference : float or None
+        Difference of the optima of both statements, over the optimum or the cost of a micrometre on every input.
+    input_difference : float or None, m
         Largest difference of the first input.
     variables, constraints : int
         Size of the condensed problem.
@@ -35,9 +37,9 @@ class Certificate:
 
     violations: int
     below_floor: int
-    checked_at: float
-    cost_difference: float
-    input_difference: float
+    checked_at: float | None
+    cost_difference: float | None
+    input_difference: float | None
     variables: int
     constraints: int
 
@@ -48,43 +50,41 @@ def certify(mpc: MPC, run: Run) -> Certificate:
     low = run.rest_lengths < members.floors - _ROUNDING
     rates = np.abs(np.diff(run.rest_lengths, axis=0)) / np.diff(run.time)[:, None]
     fast = rates > mpc.rate_max * (1 + 1e-9) + _ROUNDING
-    k = _busiest(run)
-    cost, inputs, size = _twice(mpc, run, k)
+    k, problem = _busiest(run), mpc.problem
+    cost, inputs = (None, None) if k is None else _twice(mpc, run, k)
     return Certificate(
         violations=int(low.any(axis=1).sum() + fast.any(axis=1).sum()),
         below_floor=_below(mpc, run),
-        checked_at=float(run.time[k]),
+        checked_at=None if k is None else float(run.time[k]),
         cost_difference=cost,
         input_difference=inputs,
-        variables=size[0],
-        constraints=size[1],
+        variables=problem.H.shape[0],
+        constraints=2 * problem.H.shape[0] + problem.rows.shape[0],
     )
 
 
 def _below(mpc: MPC, run: Run) -> int:
-    kept = ~run.structure.grounded_tendons
-    return int((run.tensions[:, kept] < mpc.tension_min * (1 - 1e-9)).any(axis=1).sum())
+    """Recorded times below the floor, of the tendons that have one: taut at the reference, not between pins."""
+    watched = run.tensions[:, mpc.problem.tendons]
+    return int((watched < mpc.tension_min * (1 - 1e-9)).any(axis=1).sum())
 
 
-def _busiest(run: Run) -> int:
+def _busiest(run: Run) -> int | None:
     """The recorded control sample with the fastest motion whose problem had a solution within its floors."""
     sampled = np.isin(np.round(run.time, 12), np.round(run.sample_time, 12))
     hard = sampled & np.array([status in ("daqp", "osqp") for status in run.status])
     speed = np.linalg.norm(run.velocities, axis=2).max(axis=1)
-    return int(np.where(hard, speed, -1.0).argmax())
+    return int(np.where(hard, speed, -1.0).argmax()) if hard.any() else None
 
 
-def _twice(mpc: MPC, run: Run, k: int) -> tuple[float, float, tuple[int, int]]:
-    """Solve one step condensed and as a sparse statement in cvxpy."""
+def _twice(mpc: MPC, run: Run, k: int) -> tuple[float, float]:
+    """Differences of cost and first input between one step condensed and as a sparse statement in cvxpy."""
     t = float(run.time[k])
     shown = Measurement(run.nodes[k], run.velocities[k], run.lengths[k], run.tensions[k], run.inputs[k])
     problem, limits, qp = mpc.statement(t, shown)
     plan = mpc.solve(t, shown)
-    lower = np.full_like(limits.input_upper, -np.inf)
-    cost, inputs = reference_optimum(
-        problem, limits.start, limits.tension_margin, lower, limits.input_upper,
-        limits.change_lower, limits.change_upper,
-    )  # fmt: skip
+    cost, inputs = reference_optimum(problem, limits)
     ours = qp.objective(plan.ravel()) + problem.constant(limits.start)
-    difference = abs(ours - cost) / max(abs(ours), abs(cost), 1e-300)
-    return difference, float(np.abs(plan[0] - inputs[0]).max()), (qp.f.size, 2 * qp.f.size + qp.A.shape[0])
+    smallest = 0.5 * _MICROMETRE**2 * float(np.trace(qp.H))
+    difference = abs(ours - cost) / max(abs(ours), abs(cost), smallest)
+    return float(difference), float(np.abs(plan[0] - inputs[0]).max())

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from tensctl.scene import Scene
     from tensctl.simulation import Run
     from tensctl.statics import Equilibrium
+    from tensctl.structure import Structure
     from tensctl.synthesis import LQR, MPC, ShapePath
 
 
@@ -25,8 +26,9 @@ class Results:
     Attributes
     ----------
     scene : Scene
-    dynamics : Dynamics
     equilibrium : Equilibrium
+    dynamics : Dynamics
+        Where a later stage asks for motion.
     linear : LinearModel
         About the equilibrium.
     controllability : ModalReport
@@ -40,8 +42,8 @@ class Results:
     """
 
     scene: Scene
-    dynamics: Dynamics
     equilibrium: Equilibrium
+    dynamics: Dynamics | None = None
     linear: LinearModel | None = None
     controllability: ModalReport | None = None
     path: ShapePath | None = None
@@ -49,6 +51,11 @@ class Results:
     mpc: MPC | None = None
     run: Run | None = None
     certificate: Certificate | None = None
+
+    @property
+    def structure(self) -> Structure:
+        """The structure of all results."""
+        return self.equilibrium.structure
 
     @property
     def wanted(self) -> Equilibrium:

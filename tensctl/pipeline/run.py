@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 from tensctl.atomic import replaced_folder
 from tensctl.errors import EquilibriumError
-from tensctl.model import build_dynamics
 from tensctl.pipeline.results import Results
 from tensctl.progress import Progress
 from tensctl.statics import Equilibrium, Stability, find_equilibrium
@@ -66,9 +65,9 @@ def run(scene: Scene, out: str | Path, *, progress: Progress | None = None) -> R
 def _compute(scene: Scene, clock: _Clock) -> Results:
     with clock.stage("equilibrium"):
         equilibrium = _held(find_equilibrium(scene), scene)
-    with clock.stage("model"):
-        results = Results(scene, build_dynamics(scene), equilibrium)
+    results = Results(scene, equilibrium)
     for asked, stage in (
+        (_needs_linear(scene) or scene.simulation is not None, _model),
         (_needs_linear(scene), _linearize),
         (scene.controllability is not None, _controllability),
         (scene.target is not None, _plan),
@@ -80,6 +79,13 @@ def _compute(scene: Scene, clock: _Clock) -> Results:
         if asked:
             results = stage(results, clock)
     return results
+
+
+def _model(results: Results, clock: _Clock) -> Results:
+    from tensctl.model import build_dynamics
+
+    with clock.stage("model"):
+        return replace(results, dynamics=build_dynamics(results.scene))
 
 
 def _controller(scene: Scene) -> str:
@@ -108,6 +114,7 @@ def _held(equilibrium: Equilibrium, scene: Scene) -> Equilibrium:
 def _linearize(results: Results, clock: _Clock) -> Results:
     from tensctl.linear import linearize
 
+    assert results.dynamics is not None
     asked = results.scene.linearize
     with clock.stage("linear model"):
         linear = linearize(results.dynamics, results.equilibrium, outputs=() if asked is None else asked.outputs)
@@ -134,6 +141,7 @@ def _at_target(results: Results):
     from tensctl.linear import linearize
 
     assert results.linear is not None
+    assert results.dynamics is not None
     if results.path is None:
         return results.linear
     return linearize(results.dynamics, results.wanted, outputs=())
@@ -178,10 +186,11 @@ def _simulate(results: Results, clock: _Clock) -> Results:
 
     asked = results.scene.simulation
     assert asked is not None
+    assert results.dynamics is not None
     controller = {"none": None, "lqr": results.lqr, "mpc": results.mpc}[asked.controller]
     rate_max = float("inf") if results.scene.mpc is None else results.scene.mpc.rate_max
     steps = 1 if controller is None else control_steps(asked.t_end, controller.dt)
-    start = results.equilibrium if controller is not None or asked.push else results.dynamics.structure.nodes
+    start = results.equilibrium if controller is not None or asked.push else results.structure.nodes
     with clock.stage("simulation"):
         run = simulate(
             results.dynamics,
@@ -218,5 +227,5 @@ def _write(results: Results, folder: Path, clock: _Clock) -> None:
 
         with clock.stage("report"):
             write_report(to_case(results, clock.seconds), folder / "report.html")
-    text = json.dumps(summarise(results, clock.seconds), indent=2, allow_nan=True)
+    text = json.dumps(summarise(results, clock.seconds), indent=2, allow_nan=False)
     (folder / "summary.json").write_text(text + "\n", encoding="utf-8")

@@ -30,12 +30,12 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
 
 
 def _structure(results: Results) -> dict:
-    structure = results.dynamics.structure
+    structure = results.structure
     return {
         "nodes": len(structure.nodes),
         "rods": len(structure.rods),
         "tendons": len(structure.tendons),
-        "inputs": len(results.dynamics.input_labels),
+        "inputs": len(results.equilibrium.potential.members.inputs),
         "degrees_of_freedom": results.equilibrium.potential.manifold.size,
     }
 
@@ -49,7 +49,7 @@ def _equilibrium(results: Results) -> dict:
         "stable": str(e.stable),
         "smallest_omega2": e.smallest,
         "tolerance_omega2": e.tolerance,
-        "lowest_tension_N": float(e.tensions.min(initial=np.inf)),
+        "lowest_tension_N": float(e.tensions.min()) if e.tensions.size else None,
         "largest_tension_N": float(e.tensions.max(initial=0.0)),
     }
 
@@ -88,7 +88,7 @@ def _target(results: Results) -> dict | None:
         return None
     from tensctl.synthesis import shell_height
 
-    height = shell_height(results.dynamics.structure)
+    height = shell_height(results.structure)
     return {
         "height_before_m": height.of(path.equilibria[0].nodes),
         "height_wanted_m": height.of(path.target_nodes),
@@ -110,7 +110,7 @@ def _mpc(results: Results) -> dict | None:
         "statuses": dict(Counter(str(record.status) for record in mpc.records)),
         "median_step_s": float(np.median(run.solve_time)),
         "worst_step_s": float(run.solve_time.max()),
-        "worst_kkt": float(np.nanmax(run.kkt)),
+        "worst_kkt": float(run.kkt[np.isfinite(run.kkt)].max(initial=0.0)),
         "relaxed_steps": int((run.relaxed > 0).sum()),
         "largest_relaxation_N": float(run.relaxed.max()),
         "samples_below_tension_floor": certificate.below_floor,

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from tensctl.scene.complaint import complaint, shown
+from tensctl.errors import SceneError
+from tensctl.scene.complaint import complaint, sentence, shown
 from tensctl.scene.values import expected
 
 
@@ -41,6 +42,20 @@ class Section(BaseModel):
             if field.is_required() and key not in present and name not in present:
                 raise complaint(f"is missing; expected {expected(field)}", key)
         return cls.completed(present)
+
+    @classmethod
+    def checked(cls, **given: Any) -> Self:
+        """The section from arguments of a call, refused in the scene's own words.
+
+        Raises
+        ------
+        SceneError
+            One sentence that names the first wrong argument, its value and what is expected.
+        """
+        try:
+            return cls(**given)
+        except ValidationError as error:
+            raise SceneError(sentence(error)) from None
 
     @classmethod
     def completed(cls, given: dict[str, Any]) -> dict[str, Any]:

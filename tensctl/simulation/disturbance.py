@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensctl.model import Dynamics
+from tensctl.scene import PushRequest
 from tensctl.structure import matches
 
 
@@ -27,6 +28,16 @@ class Push:
     force: Sequence[float]
     start: float
     stop: float
+
+    def __post_init__(self) -> None:
+        """Check the push as a scene's `[[simulation.push]]` is.
+
+        Raises
+        ------
+        SceneError
+            A force that is no three finite numbers, or a time that does not come after the other.
+        """
+        PushRequest.checked(node=self.node, force=self.force, start=self.start, stop=self.stop)
 
 
 class Disturbances:

@@ -79,5 +79,5 @@ def advance(data, q, v, t0, t1, first, rest0, rate, external, table, error, node
             factor = min(factor, 0.9) if worst == worst else 0.2
         h *= factor
         if worst <= 1.0 and last:
-            suggestion = max(suggestion, h) if suggestion < h else suggestion
+            suggestion = max(suggestion, h)
     return suggestion, sides, refused

@@ -11,6 +11,7 @@ from tensctl.simulation.plant import Method, choose_integrator, state_at
 from tensctl.simulation.run import Run
 from tensctl.statics import Equilibrium
 from tensctl.structure import lengths
+from tensctl.synthesis import StepRecord
 
 Start = Equilibrium | np.ndarray | tuple[np.ndarray, np.ndarray]
 
@@ -40,7 +41,7 @@ class Moving:
         change = np.clip(wanted - self._rest[members.inputs], -rate_max * period, rate_max * period)
         self._rate = np.zeros_like(self._rest)
         self._rate[members.inputs] = change / period
-        records = getattr(controller, "records", None)
+        records = _records(controller)
         self._status = records[-1].status if records else "ok"
 
     def advance(self, t0: float, t1: float, forces: np.ndarray) -> None:
@@ -58,7 +59,7 @@ class Moving:
     def finished(self, controller: Controller | None) -> Run:
         """The run."""
         time, nodes, velocities, length, tension, rest, inputs, status = zip(*self._rows, strict=True)
-        records = getattr(controller, "records", [])
+        records = _records(controller)
         return Run(
             structure=self._dynamics.structure, time=np.array(time), nodes=np.stack(nodes),
             velocities=np.stack(velocities), lengths=np.stack(length), tensions=np.stack(tension),
@@ -89,6 +90,12 @@ class Moving:
         placed[rods[moving, 0]] = 0.5 * (q[moving, :3] - q[moving, 3:])
         placed[rods[moving, 1]] = 0.5 * (q[moving, :3] + q[moving, 3:])
         return placed
+
+
+def _records(controller: Controller | None) -> list[StepRecord]:
+    """What a controller that solves problems recorded of its steps; other controllers keep what they like."""
+    kept = getattr(controller, "records", None)
+    return [r for r in kept if isinstance(r, StepRecord)] if isinstance(kept, list) else []
 
 
 def _start(dynamics: Dynamics, start: Start) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ the period, no faster than `rate_max` and never below their floors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, get_args
 
 import numpy as np
 
@@ -65,13 +65,15 @@ def simulate(
     pushes : sequence of Push
     method : "auto", "splitting4", "dopri5"
     tol : float
-        Error per step over the size of the structure.
+        Accuracy wanted, over the size of the structure and a second: sets the step of the splitting integrator, and a
+        hundredth of it is the error allowed in a step of the adaptive one.
 
     Raises
     ------
     SimulationError
         A start, time or controller that does not fit, or a motion that cannot be followed.
     """
+    _check(tol, rate_max, method, controller)
     times = _times(t_end, timepts, controller, dt)
     moving = Moving(dynamics, start, method, tol)
     forces = Disturbances(dynamics, pushes)
@@ -98,6 +100,20 @@ def control_steps(t_end: float, period: float) -> int:
     return int(np.floor(t_end / period * (1 + 1e-12))) + 1
 
 
+def _check(tol: float, rate_max: float, method: str, controller: Controller | None) -> None:
+    if not (np.isfinite(tol) and 0 < tol < 1):
+        raise SimulationError(f"tol is {tol}; a number between 0 and 1 is expected.")
+    if not rate_max > 0:
+        raise SimulationError(f"rate_max is {rate_max}; a speed > 0 m/s is expected.")
+    if method not in get_args(Method):
+        raise SimulationError(f'method is "{method}"; one of {", ".join(get_args(Method))} is expected.')
+    for call in () if controller is None else ("step", "reset"):
+        if not callable(getattr(controller, call, None)):
+            raise SimulationError(
+                f"the controller has no {call}(); give an object with step(t, measurement) and reset()."
+            )
+
+
 def _times(t_end, timepts, controller, dt) -> np.ndarray:
     if timepts is not None:
         times = np.asarray(timepts, float)
@@ -105,6 +121,8 @@ def _times(t_end, timepts, controller, dt) -> np.ndarray:
             raise SimulationError("timepts must be finite times in ascending order, in s.")
         if times[0] < 0:
             raise SimulationError(f"timepts start at {times[0]:g} s; a run starts at 0.")
+        if t_end is not None and t_end < times[-1]:
+            raise SimulationError(f"timepts end at {times[-1]:g} s, after t_end = {t_end:g} s.")
         return times
     if t_end is None or not (np.isfinite(t_end) and t_end > 0):
         raise SimulationError(f"t_end = {t_end}: give the end of the run in s, > 0, or timepts.")

@@ -22,6 +22,8 @@ from tensctl.synthesis.riccati import care
 
 # First sample time tried: this part of a radian of the fastest mode.
 _SAMPLES = 0.2
+# A weight that is skew or negative by less than this part of itself is so by rounding.
+_SKEW = 1e-12
 
 
 class Measured(Protocol):
@@ -138,14 +140,28 @@ def lqr(linear: LinearModel, Q: np.ndarray | None = None, R: np.ndarray | None =
         raise SynthesisError(f"the model has {nx} flexible states and {nu} inputs; at least one of each is needed.")
     Q = np.eye(nx) if Q is None else np.asarray(Q, float)
     R = np.diag(input_stiffness(flexible)) if R is None else np.asarray(R, float)
-    for name, weight, size in (("Q", Q, nx), ("R", R, nu)):
-        if weight.shape != (size, size):
-            raise SynthesisError(f"{name} has shape {weight.shape}; ({size}, {size}) is expected.")
-    if np.linalg.eigvalsh(0.5 * (R + R.T)).min() <= 0:
-        raise SynthesisError("R is not positive definite; every input needs a cost, because one direction of u "
-                             "changes the prestress only.")  # fmt: skip
+    _check_weight("Q", Q, nx, positive=False)
+    _check_weight("R", R, nu, positive=True)
     solution = care(flexible.A, flexible.B, Q, R)
     return LQR(flexible, Q, R, solution.K, solution.X, solution.residual, _sample_time(flexible, solution.K))
+
+
+def _check_weight(name: str, weight: np.ndarray, size: int, *, positive: bool) -> None:
+    if weight.shape != (size, size):
+        raise SynthesisError(f"{name} has shape {weight.shape}; ({size}, {size}) is expected.")
+    scale = np.abs(weight).max(initial=0.0)
+    if not np.isfinite(scale):
+        raise SynthesisError(f"{name} has entries that are no finite numbers.")
+    if np.abs(weight - weight.T).max(initial=0.0) > _SKEW * scale:
+        raise SynthesisError(f"{name} is not symmetric; give ({name} + {name}')/2.")
+    smallest = np.linalg.eigvalsh(weight).min(initial=np.inf)
+    if positive and smallest <= 0:
+        raise SynthesisError(
+            f"{name} is not positive definite; every input needs a cost, because one direction of u "
+            "changes the prestress only."
+        )
+    if smallest < -_SKEW * scale * size:
+        raise SynthesisError(f"{name} has the eigenvalue {smallest:.3g}; weights are never negative.")
 
 
 def _sample_time(linear: LinearModel, K: np.ndarray) -> float:

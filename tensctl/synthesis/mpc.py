@@ -21,6 +21,7 @@ from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
+from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, Weights, condense
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.lqr import Measured
@@ -34,6 +35,8 @@ from tensctl.threads import one_blas_thread
 _ACCEPT = 1e-6
 # Planned equilibria between two linear models: on the (3,1) mast every second one tracks as well as every one.
 _STRIDE = 2
+# A shortfall below this, N, is none: a solver that saw no solution was wrong, and the floors are kept after all.
+_KEPT = 1e-9
 # Most variables of the dense condensed problem: its matrices then take about half a gigabyte for each linear model.
 _LARGEST = 4000
 
@@ -97,8 +100,10 @@ class MPC:
 
     Raises
     ------
+    SceneError
+        A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        A mode beyond the Nyquist frequency, or no solution of the terminal Riccati equation.
+        A mode beyond the Nyquist frequency, no input, or no solution of the terminal Riccati equation.
     """
 
     def __init__(
@@ -113,14 +118,19 @@ class MPC:
         solver: Literal["auto", "daqp", "osqp"] = "auto",
         path: Reference | None = None,
     ) -> None:
-        self.linear, self.horizon, self.dt = linear.flexible, horizon, dt
-        self.tension_min, self.rate_max = tension_min, rate_max
+        asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, solver=solver)
+        if not np.isfinite(tension_min):
+            raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
+        self.linear, self.horizon, self.dt = linear.flexible, asked.horizon, asked.dt
+        self.tension_min, self.rate_max = float(tension_min), asked.rate_max
         self.weights = Weights() if weights is None else weights
         self.order = ("osqp", "daqp") if solver == "osqp" else ("daqp", "osqp")
         self.reference: Reference = Hold(linear.equilibrium) if path is None else path
         self._pieces: dict[int, _Piece] = {}
         self._plan: np.ndarray | None = None
         self.records: list[StepRecord] = []
+        if not self.linear.inputs:
+            raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
         _check_size(self.linear, horizon)
         _check_sampling(self.linear, dt)
         for knot in range(len(self.reference.equilibria)):
@@ -143,8 +153,9 @@ class MPC:
         piece = self._piece(self.reference.knot_at(t))
         limits = self.limits(t, measurement)
         plan, status, kkt = self._solve(piece, limits)
-        kept = status in self.order
-        relaxed = 0.0 if kept else limits.shortfall(piece.problem, plan)
+        relaxed = 0.0 if status in self.order else limits.shortfall(piece.problem, plan)
+        if relaxed <= _KEPT:
+            status, relaxed = status.removesuffix(" relaxed"), 0.0
         self._plan = plan + self._ahead(t)
         command = self._clipped(plan[0] + self._ahead(t)[0], measurement.inputs)
         self.records.append(StepRecord(t, status, perf_counter() - began, kkt, relaxed))

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from tensctl.errors import SynthesisError
 from tensctl.statics import Equilibrium, find_equilibrium
 from tensctl.synthesis.shape import ShapeProblem
-from tensctl.synthesis.target import Target, shell_height
+from tensctl.synthesis.target import shell_height, wanted_target
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene, TargetStage
@@ -170,12 +170,17 @@ def plan_shape(
     start = find_equilibrium(scene) if start is None else start
     if not start.stable:
         raise SynthesisError(f"a path starts from a stable equilibrium, and this one is: {start.stable}.")
-    wanted, height = Target.of(scene, target), shell_height(start.structure)
+    wanted, height = wanted_target(scene, target), shell_height(start.structure)
     if tension_min is None:
         tension_min = 0.0 if scene.mpc is None else scene.mpc.tension_min
     if rate_max is None and scene.mpc is not None:
         rate_max = scene.mpc.rate_max
     problem, before = ShapeProblem(height, tension_min), height.of(start.nodes)
+    if not before > 0:
+        raise SynthesisError(
+            f"the structure hangs below its base (height {before:.4g} m), so it cannot stand taller or lower; "
+            "stiffen the tendons, or lower gravity and loads."
+        )
     equilibria = [start]
     for share in np.linspace(0, 1, _KNOTS)[1:]:
         equilibria.append(problem.solve(equilibria[-1], before * (1 + share * (wanted.height_scale - 1))))

@@ -9,34 +9,16 @@ from __future__ import annotations
 import numpy as np
 
 from tensctl.synthesis.condensed import Condensed
+from tensctl.synthesis.limits import Limits
 
 
-def reference_optimum(
-    problem: Condensed,
-    start: np.ndarray,
-    tension_margin: np.ndarray,
-    input_lower: np.ndarray,
-    input_upper: np.ndarray,
-    change_lower: np.ndarray,
-    change_upper: np.ndarray,
-) -> tuple[float, np.ndarray]:
+def reference_optimum(problem: Condensed, limits: Limits) -> tuple[float, np.ndarray]:
     """Solve the sparse problem with Clarabel through cvxpy.
-
-    Parameters
-    ----------
-    start : (nx + nu,)
-        (e_0, v_0).
-    tension_margin : (N, nT) m
-        Scaled T_ref - tension_min of each stage.
-    input_lower, input_upper : (N, nu) m
-        Bounds of v.
-    change_lower, change_upper : (N, nu) m
-        Bounds of v_(k+1) - v_k.
 
     Returns
     -------
     cost : float
-        Optimum of the condensed objective plus the constant that condensing drops.
+        Optimum of the condensed objective plus the constant that condensing drops; infinite without a solution.
     inputs : (N, nu) m
     """
     import cvxpy as cp
@@ -44,21 +26,20 @@ def reference_optimum(
     n, nu = problem.B.shape
     N, (Lq, Lp, Lr) = problem.horizon, (_root(M) for M in (problem.Q, problem.P, problem.R))
     s, v = cp.Variable((N + 1, n)), cp.Variable((N, nu))
-    before = [start[n - nu :], *(v[k] for k in range(N - 1))]
-    limits: list = [s[0] == start]
+    before = [limits.start[n - nu :], *(v[k] for k in range(N - 1))]
+    rules: list = [s[0] == limits.start]
     cost = 0
     for k in range(N):
         weight = Lp if k == N - 1 else Lq
         cost += cp.sum_squares(weight @ s[k + 1]) / 2 + cp.sum_squares(Lr @ v[k]) / 2
-        limits += [
+        rules += [
             s[k + 1] == problem.A @ s[k] + problem.B @ v[k],
-            problem.tension @ s[k + 1] + tension_margin[k] >= 0,
-            v[k] - before[k] >= change_lower[k],
-            v[k] - before[k] <= change_upper[k],
+            problem.tension @ s[k + 1] + limits.tension_margin[k] >= 0,
+            v[k] - before[k] >= limits.change_lower[k],
+            v[k] - before[k] <= limits.change_upper[k],
         ]
-    limits += [v[i, j] >= input_lower[i, j] for i, j in zip(*np.nonzero(np.isfinite(input_lower)), strict=True)]
-    limits.append(v <= input_upper)
-    statement = cp.Problem(cp.Minimize(cost), limits)
+    rules.append(v <= limits.input_upper)
+    statement = cp.Problem(cp.Minimize(cost), rules)
     statement.solve(solver=cp.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12, tol_ktratio=1e-12)
     if v.value is None:
         return np.inf, np.full((N, nu), np.nan)

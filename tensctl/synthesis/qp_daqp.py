@@ -7,6 +7,8 @@ import numpy as np
 from tensctl.synthesis.qp import QP, Solution, judged
 
 _INFINITE = 1e30
+# Largest violation of a row, m.
+_FEASIBLE = 1e-10
 _INFEASIBLE = -1
 
 
@@ -22,6 +24,8 @@ class DaqpSolver:
         flag, _ = self._model.setup(
             np.ascontiguousarray(qp.H), qp.f.copy(), np.ascontiguousarray(qp.A), _clipped(qp.upper), _clipped(qp.lower)
         )
+        # Rows are metres: DAQP's own 1e-6 would be a newton at k = 1e6 and fails the KKT test on small motions.
+        self._model.settings = {**self._model.settings, "primal_tol": _FEASIBLE}
         self._ready = flag >= 0
 
     def solve(self, qp: QP) -> Solution:

@@ -16,18 +16,37 @@ class OsqpSolver:
     def __init__(self, qp: QP, tol: float = 1e-9, max_iterations: int = 20_000) -> None:
         import osqp
 
-        rows = sp.vstack([sp.eye_array(qp.f.size), sp.csc_array(qp.A)], format="csc")
+        self._refused = osqp.OSQPException
         self._solver = osqp.OSQP()
-        self._solver.setup(
-            sp.csc_matrix(np.triu(qp.H)), qp.f, sp.csc_matrix(rows), qp.lower, qp.upper,
-            eps_abs=tol, eps_rel=tol, max_iter=max_iterations, polishing=True, verbose=False,
-        )  # fmt: skip
+        rows = sp.vstack([sp.eye_array(qp.f.size), sp.csc_array(qp.A)], format="csc")
+        try:
+            self._solver.setup(
+                sp.csc_matrix(np.triu(qp.H)), qp.f, sp.csc_matrix(rows), qp.lower, qp.upper,
+                eps_abs=tol, eps_rel=tol, max_iter=max_iterations, polishing=False, verbose=False,
+            )  # fmt: skip
+            self._ready = True
+        except self._refused:
+            self._ready = False
 
     def solve(self, qp: QP) -> Solution:
-        """Solve with new f and bounds, starting from the last answer."""
-        self._solver.update(q=qp.f, l=qp.lower, u=qp.upper)
-        result = self._solver.solve(raise_error=False)
+        """Solve with new f and bounds, starting from the last answer; polish it when a bound is active."""
+        if not self._ready:
+            return judged(qp, None, None, "failed")
+        try:
+            self._solver.update(q=qp.f, l=qp.lower, u=qp.upper)
+            result = self._solver.solve(raise_error=False)
+            if result.info.status == "solved" and np.abs(result.y).max(initial=0.0) > 0:
+                result = self._polished()
+        except self._refused:
+            return judged(qp, None, None, "failed")
         status = result.info.status
         if status == "solved":
             return judged(qp, np.asarray(result.x), np.asarray(result.y), "solved")
         return judged(qp, None, None, "infeasible" if "primal infeasible" in status else "failed")
+
+    def _polished(self):
+        """The same answer, polished: asked for only with active bounds, because OSQP prints a line without them."""
+        self._solver.update_settings(polishing=True)
+        result = self._solver.solve(raise_error=False)
+        self._solver.update_settings(polishing=False)
+        return result

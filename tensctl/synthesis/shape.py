@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensctl.analysis import static_influence, tension_influence
+from tensctl.analysis import static_influence
 from tensctl.errors import EquilibriumError, SynthesisError
+from tensctl.linear.outputs import stretch_map
 from tensctl.statics import Equilibrium, settle
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
@@ -52,12 +53,14 @@ class ShapeProblem:
         SynthesisError
             When the rest lengths cannot make the shape with these floors.
         """
+        if not start.inputs.size:
+            raise SynthesisError("no tendon has an actuator that moves anything, so no other shape can be made.")
         now, limit, sigma, before = start, self._reach(start), 0.0, np.zeros_like(start.inputs)
         for _ in range(_STEPS):
             step = self._next_inputs(now, wanted, sigma) - now.inputs
             step *= min(1.0, limit / max(np.abs(step).max(initial=0.0), 1e-300))
             following = _settled(now, now.inputs + step)
-            if following is None or self._misfit(following, wanted) > self._misfit(now, wanted) + _NEAR * wanted:
+            if following is None or self._misfit(following, wanted) > self._misfit(now, wanted) + _NEAR * abs(wanted):
                 limit = 0.25 * np.abs(step).max()
                 continue
             limit = min(2 * limit, self._reach(now))
@@ -78,19 +81,35 @@ class ShapeProblem:
 
     def _misfit(self, now: Equilibrium, wanted: float) -> float:
         """Height error plus the worst missing tension over its tendon's stiffness, m: what a step may not raise."""
-        members, kept = now.potential.members, ~now.structure.grounded_tendons
-        soft = members.stiffness if members.law == "k" else members.stiffness / now.rest_lengths
-        missing = ((self.tension_min - now.tensions) / soft)[kept].max(initial=0.0)
+        missing = -self._margin(now)[~now.structure.grounded_tendons].min(initial=0.0)
         return abs(self.height.of(now.nodes) - wanted) + float(missing)
+
+    def _margin(self, now: Equilibrium) -> np.ndarray:
+        """Length beyond what the tension floor asks for, m: l - L - T/k, or l - L (1 + T/EA); also of slack tendons."""
+        return now.lengths - self._share(now) * now.rest_lengths - self._extra(now)
+
+    def _margin_slope(self, now: Equilibrium, reach: np.ndarray) -> np.ndarray:
+        """Growth of the margin per unit of rest-length shortening, (nt, nu)."""
+        slope, inputs = stretch_map(now) @ reach, now.potential.members.inputs
+        slope[inputs, np.arange(inputs.size)] += self._share(now)[inputs]
+        return slope
+
+    def _share(self, now: Equilibrium) -> np.ndarray:
+        members = now.potential.members
+        return np.ones_like(now.lengths) if members.law == "k" else 1 + self.tension_min / members.stiffness
+
+    def _extra(self, now: Equilibrium) -> np.ndarray:
+        members = now.potential.members
+        return self.tension_min / members.stiffness if members.law == "k" else np.zeros_like(now.lengths)
 
     def _next_inputs(self, now: Equilibrium, wanted: float, sigma: float) -> np.ndarray:
         members, reach = now.potential.members, static_influence(now)
         rise = (now.point.tangent @ reach).T @ self.height.gradient.ravel()
-        pull = tension_influence(now, reach)
         kept = ~now.structure.grounded_tendons
-        rows = np.vstack([rise, pull[kept]])
+        slope = self._margin_slope(now, reach)[kept]
+        rows = np.vstack([rise, slope])
         u = now.inputs
-        low_tension = self.tension_min - now.tensions[kept] + pull[kept] @ u
+        low_tension = slope @ u - self._margin(now)[kept]
         target = wanted - self.height.of(now.nodes) + rise @ u
         upper = (members.rest_lengths - members.floors)[members.inputs]
         qp = QP(

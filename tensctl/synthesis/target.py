@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
+from tensctl.scene import TargetStage
 from tensctl.structure import Structure
 
 if TYPE_CHECKING:
-    from tensctl.scene import Scene, TargetStage
+    from tensctl.scene import Scene
 
 _NODE = re.compile(r"P([1-4])_(\d+)_(\d+)")
 
@@ -58,40 +59,23 @@ def shell_height(structure: Structure) -> Height:
     return Height(gradient)
 
 
-@dataclass(frozen=True)
-class Target:
-    """What shape is wanted, and when.
+def wanted_target(scene: Scene, asked: float | Mapping[str, float] | TargetStage | None) -> TargetStage:
+    """The target of a call, or the scene's own, checked as a scene's `[target]` is.
 
-    Attributes
-    ----------
-    height_scale : float
-        Wanted height over the height at the start.
-    start, duration : float, s
+    Raises
+    ------
+    SceneError
+        A key or value that `[target]` would refuse.
+    SynthesisError
+        When neither the call nor the scene names a target.
     """
-
-    height_scale: float
-    start: float = 0.0
-    duration: float = 3.0
-
-    @classmethod
-    def of(cls, scene: Scene, wanted: float | Mapping[str, float] | TargetStage | None) -> Target:
-        """The target of a call, or the scene's own.
-
-        Raises
-        ------
-        SynthesisError
-            When neither names one, or a height is not positive.
-        """
-        asked = scene.target if wanted is None else wanted
-        if asked is None:
+    if asked is None:
+        if scene.target is None:
             raise SynthesisError("no target is given: add [target] height_scale to the scene, or pass target=1.2.")
-        if isinstance(asked, float | int):
-            base = scene.target
-            target = cls(float(asked)) if base is None else cls(float(asked), base.start, base.duration)
-        elif isinstance(asked, Mapping):
-            target = cls(**asked)
-        else:
-            target = cls(asked.height_scale, asked.start, asked.duration)
-        if not target.height_scale > 0:
-            raise SynthesisError(f"target.height_scale is {target.height_scale:g}; a number > 0 is expected.")
-        return target
+        return scene.target
+    if isinstance(asked, TargetStage):
+        return asked
+    if isinstance(asked, Mapping):
+        return TargetStage.checked(**asked)
+    timing = {} if scene.target is None else {"start": scene.target.start, "duration": scene.target.duration}
+    return TargetStage.checked(height_scale=asked, **timing)
