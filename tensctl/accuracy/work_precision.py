@@ -86,16 +86,21 @@ class WorkPrecision:
         names = ("error [m]", "time [s]", "rhs", "rod drift", "energy")
         lines = [" ".join([f"{'method':11} {'tol':>7}", *(f"{name:>10}" for name in names)])]
         for a in self.attempts:
-            numbers = (
-                f"{a.error:10.1e} {a.seconds:10.2e} {a.evaluations:10d} {a.rod_drift:10.1e} {a.energy_drift:10.1e}"
-            )
+            numbers = f"{a.error:10.1e} {a.seconds:10.2e} {a.evaluations:10d} {a.rod_drift:10.1e} {_drift(a):>10}"
             lines.append(f"{a.method:11} {a.tol:7.0e} {numbers}" if not a.failure else f"{a.method:11} {a.failure}")
+        if all(a.error == 0 for a in self.attempts):
+            return "\n".join([*lines, f"over {self.t_end:g} s; nothing moves, so there is nothing to choose"])
         lines.append(f"over {self.t_end:g} s; the reference itself is good to {self.reference_error:.0e} m")
         for wanted in (1e-6, 1e-9):
             best = self.advised(wanted)
             text = "no setting reaches it" if best is None else f'method = "{best.method}", tol = {best.tol:.0e}'
             lines.append(f"for {wanted:.0e} m: {text}")
         return "\n".join(lines)
+
+
+def _drift(attempt: Attempt) -> str:
+    """Energy drift, or a dash where dampers or pushes change the energy."""
+    return "-" if np.isnan(attempt.energy_drift) else f"{attempt.energy_drift:.1e}"
 
 
 def work_precision(scene: Scene) -> WorkPrecision:
