@@ -13,8 +13,8 @@ from tensctl.synthesis.qp import QP
 
 # The price of giving way over the steepest cost in sight: large enough that cost never buys tension.
 _PRICE = 1e3
-# Curvature on the slacks, over the largest of H: keeps the problem strictly convex. With 1e-3 DAQP cycled on one step in
-# three of a mast asked for 20 N in every tendon; with 1 on none, at the same relaxation.
+# Curvature on the slacks, over the largest of H: keeps the problem strictly convex. With 1e-3 DAQP cycled on one step
+# in three of a mast asked for 20 N in every tendon; with 1 on none, at the same relaxation.
 _CURVATURE = 1.0
 
 
