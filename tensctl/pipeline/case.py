@@ -91,7 +91,8 @@ def _below(name: str, value: float, bound: float, note: str = "") -> Check:
 def _limits(results: Results) -> Limits | None:
     if results.mpc is None:
         return None
-    return Limits(results.mpc.tension_min, results.equilibrium.potential.members.floors, results.mpc.rate_max)
+    members, mpc = results.equilibrium.potential.members, results.mpc
+    return Limits(mpc.tension_min, members.floors, mpc.rate_max, mpc.problem.tendons)
 
 
 def _height(results: Results) -> Height | None:

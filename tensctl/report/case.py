@@ -43,11 +43,15 @@ class Limits:
         Least rest length, m; never violated.
     rate_max : float, optional
         Largest rate of change of a rest length, m/s; never violated.
+    floored : (k,) array, optional
+        Indices of the tendons that have the tension floor, all by default: one that is slack in the wanted shape, or
+        between two pinned nodes, has none.
     """
 
     tension_min: float | None = None
     rest_length_floor: np.ndarray | None = None
     rate_max: float | None = None
+    floored: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,9 @@ def verdict(case: Case) -> Tile | None:
         return None
     failed = [check.name for check in case.checks if not check.ok]
     if not failed:
-        return Tile("Checks", f"All {plural(len(case.checks), 'numerical check')} hold", "", GOOD)
+        count = len(case.checks)
+        said = "The one numerical check holds" if count == 1 else f"All {count} numerical checks hold"
+        return Tile("Checks", said, "", GOOD)
     names = ", ".join(failed)
     return Tile("Checks", f"{len(failed)} of {plural(len(case.checks), 'numerical check')} failed", names, BAD)
 

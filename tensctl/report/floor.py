@@ -63,8 +63,12 @@ def floor_story(case: Case) -> FloorStory | None:
     floor = None if case.limits is None else case.limits.tension_min
     if run is None or floor is None or not np.isfinite(run.tensions).any():
         return None
-    moment, tendon = np.unravel_index(np.nanargmin(run.tensions), run.tensions.shape)
-    below = (run.tensions < floor - RELAXED_MORE_THAN).any(axis=1)
+    floored = None if case.limits is None else case.limits.floored
+    floored = np.arange(run.tensions.shape[1]) if floored is None else floored
+    watched = run.tensions[:, floored]
+    moment, place = np.unravel_index(np.nanargmin(watched), watched.shape)
+    tendon = floored[place]
+    below = (watched < floor - RELAXED_MORE_THAN).any(axis=1)
     return FloorStory(
         floor=floor,
         least=float(run.tensions[moment, tendon]),

@@ -104,7 +104,8 @@ def _doubling(A: Matrix, G: Matrix, H: Matrix) -> Matrix:
         growth = A.T @ H @ forward
         G = _symmetric(G + A @ sla.lu_solve(factor, G @ A.T, check_finite=False))
         A, H = A @ forward, _symmetric(H + growth)
-        size = np.linalg.norm(H)
+        with np.errstate(over="ignore"):
+            size = np.linalg.norm(H)
         if not np.isfinite(size):
             break
         if np.linalg.norm(growth) <= _DONE * size and np.linalg.norm(A) <= _DECAYED:
