@@ -370,3 +370,16 @@ def test_published_prism_frequencies():
         rest = tc.find_equilibrium(scene)
         found = np.sqrt(rest.spectrum.omega2[rest.spectrum.rigid_count :]) / (2 * np.pi)
         assert np.abs(found / wanted - 1).max() < 1e-8
+
+
+def test_disturbances_enter_as_the_nonlinear_model_has_them():
+    """E w is the rate of the state at rest under a force w on the pushed nodes, a head and a tail of two rods."""
+    push = [{"node": node, "force": [1.0, 0.0, 0.0], "from": 0.0, "to": 1.0} for node in ("P4_1_1", "P3_2_1")]
+    dynamics, rest, linear = solved(shell_scene(pins=["P1_*_1"], simulation={"t_end": 1.0, "push": push}))
+    force = np.array([0.3, -0.2, 0.5, -0.1, 0.4, 0.2])
+    at_rest = dynamics.pack(rest.nodes)
+    rate = np.asarray(dynamics.f(at_rest, np.zeros(21), force)).ravel()
+    step = 1e-6
+    ahead, back = (linear.state_of(*dynamics.unpack(at_rest + sign * step * rate)) for sign in (1, -1))
+    assert linear.E.shape == (42, 6)
+    assert (ahead - back) / (2 * step) == pytest.approx(linear.E @ force, abs=1e-8)

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from tensctl.elements.assembly import TendonTerms, tendon_terms
 from tensctl.elements.jointed import JointedManifold
 from tensctl.elements.manifold import RodManifold
-from tensctl.structure import Members, Structure, build_members, build_structure
+from tensctl.structure import Members, Structure, build_members, build_structure, lengths
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene
@@ -77,9 +77,8 @@ class PotentialPoint:
     @cached_property
     def at_ease(self) -> bool:
         """Whether nothing pulls at all: every tendon slack to rounding, no load, no weight."""
-        ends = self.nodes[self.potential.structure.tendons]
-        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        slack = lengths - self.rest_lengths <= _STRETCH_NOISE * lengths
+        length = lengths(self.nodes, self.potential.structure.tendons)
+        slack = length - self.rest_lengths <= _STRETCH_NOISE * length
         return bool(slack.all()) and not self.potential.members.forces.any()
 
     @cached_property

@@ -21,9 +21,9 @@ from jaxtyping import Float
 from tensctl.errors import LinearizationError
 from tensctl.linear.frame import Frame, best_fit
 from tensctl.linear.modes import Mode, find_modes
-from tensctl.linear.outputs import Output, OutputMap, output_map, safe_label, stretch_map
+from tensctl.linear.outputs import Output, OutputMap, output_map, safe_label
 from tensctl.model import Dynamics, damping_matrix
-from tensctl.statics import Equilibrium
+from tensctl.statics import Equilibrium, stretch_map
 
 if TYPE_CHECKING:
     import control

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Float
 
 from tensctl.model import Dynamics
-from tensctl.statics import Equilibrium
+from tensctl.statics import Equilibrium, stretch_map
 
 Output = Literal["nodes", "lengths", "tensions"]
 
@@ -50,19 +49,6 @@ def output_map(dynamics: Dynamics, equilibrium: Equilibrium, outputs: tuple[Outp
 def safe_label(label: str) -> str:
     """A label that python-control takes: no dots."""
     return label.replace(".", "_")
-
-
-def stretch_map(equilibrium: Equilibrium) -> sp.csr_array:
-    """Growth of each tendon's length per tangent coordinate, (nt, size)."""
-    tendons = equilibrium.structure.tendons
-    d = equilibrium.nodes[tendons[:, 1]] - equilibrium.nodes[tendons[:, 0]]
-    unit = d / np.where(equilibrium.lengths > 0, equilibrium.lengths, 1.0)[:, None]
-    rows = np.broadcast_to(np.arange(len(tendons))[:, None, None], (*tendons.shape, 3))
-    columns = 3 * tendons[:, :, None] + np.arange(3)
-    values = np.stack([-unit, unit], axis=1)
-    entries = (values.ravel(), (rows.ravel(), columns.ravel()))
-    difference = sp.coo_array(entries, shape=(len(tendons), equilibrium.nodes.size))
-    return sp.csr_array(sp.csr_array(difference) @ equilibrium.point.tangent)
 
 
 def _nodes(dynamics: Dynamics, equilibrium: Equilibrium) -> OutputMap:

@@ -24,6 +24,7 @@ from tensctl.statics.response import (
     rest_length_influence,
     static_influence,
     static_response,
+    stretch_map,
     tension_influence,
 )
 from tensctl.statics.rigid import RigidMotions, mass_centre, rigid_motions, unseen_motions
@@ -70,6 +71,7 @@ __all__ = [
     "stability_orders",
     "static_influence",
     "static_response",
+    "stretch_map",
     "tension_influence",
     "unseen_motions",
 ]

@@ -28,7 +28,7 @@ from tensctl.statics.stability import (
     whole_definiteness,
 )
 from tensctl.statics.symmetry import CyclicSymmetry
-from tensctl.structure import Structure
+from tensctl.structure import Structure, lengths
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene
@@ -85,8 +85,7 @@ class Equilibrium:
     @cached_property
     def lengths(self) -> Float[np.ndarray, " tendons"]:
         """Tendon lengths, m."""
-        d = self.nodes[self.structure.tendons[:, 1]] - self.nodes[self.structure.tendons[:, 0]]
-        return np.linalg.norm(d, axis=1)
+        return lengths(self.nodes, self.structure.tendons)
 
     @property
     def tensions(self) -> Float[np.ndarray, " tendons"]:
@@ -187,15 +186,10 @@ class Equilibrium:
                 f"the nodes are no equilibrium: {self.residual:.1e} of the largest force is left over, "
                 f"at most {tol:.0e} is expected."
             )
-        stretch = np.abs(self.structure.rod_lengths - _rod_lengths(self)).max(initial=0.0)
+        stretch = np.abs(self.structure.rod_lengths - lengths(self.nodes, self.structure.rods)).max(initial=0.0)
         size = self.structure.rod_lengths.max(initial=1.0)
         if stretch > 1e-12 * size:
             raise EquilibriumError(f"a rod changed its length by {stretch:.1e} m; rods are rigid.")
-
-
-def _rod_lengths(equilibrium: Equilibrium) -> np.ndarray:
-    ends = equilibrium.nodes[equilibrium.structure.rods]
-    return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
 
 
 def find_equilibrium(

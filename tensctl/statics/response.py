@@ -159,15 +159,30 @@ def tension_influence(
     At an unloaded equilibrium one direction of u changes the prestress only: it is in this map, not in the motion.
     """
     reach = static_influence(equilibrium) if reach is None else reach
-    terms, tendons = equilibrium.point.terms, equilibrium.structure.tendons
-    d = equilibrium.nodes[tendons[:, 1]] - equilibrium.nodes[tendons[:, 0]]
-    unit = d / np.where(equilibrium.lengths > 0, equilibrium.lengths, 1.0)[:, None]
-    moved = (equilibrium.point.tangent @ reach).reshape(len(equilibrium.nodes), 3, -1)
-    slope = np.einsum("ti,tij->tj", unit, terms.blocks)
-    result = np.einsum("tj,tju->tu", slope, moved[tendons[:, 1]] - moved[tendons[:, 0]])
+    terms, unit = equilibrium.point.terms, _units(equilibrium)
+    slope = np.einsum("ti,tij,tj->t", unit, terms.blocks, unit)
+    result = slope[:, None] * (stretch_map(equilibrium) @ reach)
     inputs = equilibrium.potential.members.inputs
     result[inputs, np.arange(inputs.size)] += np.einsum("ti,ti->t", unit, terms.shortening)[inputs]
     return result
+
+
+def stretch_map(equilibrium: Equilibrium) -> sp.csr_array:
+    """Growth of each tendon's length per tangent coordinate, (nt, size)."""
+    tendons, unit = equilibrium.structure.tendons, _units(equilibrium)
+    rows = np.broadcast_to(np.arange(len(tendons))[:, None, None], (*tendons.shape, 3))
+    columns = 3 * tendons[:, :, None] + np.arange(3)
+    values = np.stack([-unit, unit], axis=1)
+    entries = (values.ravel(), (rows.ravel(), columns.ravel()))
+    difference = sp.coo_array(entries, shape=(len(tendons), equilibrium.nodes.size))
+    return sp.csr_array(sp.csr_array(difference) @ equilibrium.point.tangent)
+
+
+def _units(equilibrium: Equilibrium) -> Float[np.ndarray, "tendons 3"]:
+    """Unit vectors from tail to head; zero where both ends meet."""
+    tendons = equilibrium.structure.tendons
+    d = equilibrium.nodes[tendons[:, 1]] - equilibrium.nodes[tendons[:, 0]]
+    return d / np.where(equilibrium.lengths > 0, equilibrium.lengths, 1.0)[:, None]
 
 
 def compliance(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tensctl.scene import Scene, TargetStage
 
 # Planned equilibria along the way, the first and last included. With 9, the spline between two of them is within
-# 1e-5 N of balance on the (3,1) mast that grows by a fifth.
+# 7e-5 N of balance on the (3,1) mast that grows by a fifth.
 _KNOTS = 9
 # Half the time, s, over which reference velocities are differenced; splines make the error 1e-10 of the speed.
 _TICK = 1e-5

@@ -16,8 +16,7 @@ import numpy as np
 
 from tensctl.analysis import static_influence
 from tensctl.errors import EquilibriumError, SynthesisError
-from tensctl.linear.outputs import stretch_map
-from tensctl.statics import Equilibrium, settle
+from tensctl.statics import Equilibrium, settle, stretch_map
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
 from tensctl.synthesis.target import Height
