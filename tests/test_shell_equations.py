@@ -1,7 +1,9 @@
 """[S]'s equations of motion against the project's own model, Newton and Euler, and equilibria."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -369,3 +371,19 @@ def test_appendix_d():
     assert s["P^d"] == (75, 25)
     assert s["P^0"] == (18, 6)
     assert (s["B~"], s["T"], s["B"]) == ((36, 31), (31, 24), (36, 24))
+
+
+def test_code_of_the_page_runs(capsys):
+    page = Path(__file__).parent.parent / "docs" / "shell_equations.md"
+    [block] = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    exec(compile(block, str(page), "exec"), {})
+    printed = capsys.readouterr().out.splitlines()
+    assert float(printed[0]) < 1e-9
+    assert printed[1] == "(96,) (96, 96) (96, 72) (96, 96)"
+
+
+def test_the_page_names_every_public_function():
+    page = (Path(__file__).parent.parent / "docs" / "shell_equations.md").read_text(encoding="utf-8")
+    # Orders and their record, and a view of Q^-1's rows, go with the functions that are named.
+    unnamed = {name for name in se.__all__ if name not in page and not re.fullmatch(r"B_[2-7]", name)}
+    assert unnamed == {"Member", "dependent_members", "independent_members", "independent_rows"}

@@ -76,7 +76,7 @@ def force_block(name: str) -> Float[np.ndarray, "12 columns"]:
         A name that is none of them.
     """
     if name == "W":
-        return times_identity(SUM_DIFFERENCE)
+        return _frozen(times_identity(SUM_DIFFERENCE))
     if name not in _SOURCES:
         raise StructureError(f"{name} is no block of Appendix C or E; give one of {', '.join(BLOCK_NAMES)}.")
     source = _SOURCES[name]
@@ -84,4 +84,10 @@ def force_block(name: str) -> Float[np.ndarray, "12 columns"]:
     once = absent_numbers(source.first, source.last, primal=False)
     twice = [alpha in once or (name == "B0_n1" and alpha == 1) for alpha in source.numbers]
     ends[twice] = 0
-    return times_identity(-SUM_DIFFERENCE @ ends.T)
+    return _frozen(times_identity(-SUM_DIFFERENCE @ ends.T))
+
+
+def _frozen(block: np.ndarray) -> np.ndarray:
+    """The block, kept for every later call, so nobody may change it."""
+    block.flags.writeable = False
+    return block
