@@ -102,17 +102,18 @@ def accuracy(scene: SceneFile, /, *, out: Out | None = None) -> None:
 
 @app.command
 def export(scene: SceneFile, /, *, out: Out) -> None:
-    """Write the linear model and its data as a .mat file.
+    """Write the linear model as a .mat file, or the structure as a MuJoCo model (.xml).
 
     Parameters
     ----------
     out
-        File to write.
+        File to write; .xml is MuJoCo's MJCF, anything else a MATLAB file.
     """
     asked = _load(scene)
-    from tensctl.interop import write_mat
+    from tensctl.interop import write_mat, write_mjcf
 
-    write_mat(asked, out)
+    write = write_mjcf if out.suffix == ".xml" else write_mat
+    write(asked, out)
     print(f"written: {out}")
 
 
