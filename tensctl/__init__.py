@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tensctl.model import Dynamics, build_dynamics
     from tensctl.pipeline import run
     from tensctl.scene import Scene, load_scene
-    from tensctl.simulation import Measurement, Push, Run, simulate
+    from tensctl.simulation import Measurement, Push, Run, Sanity, inspect_run, simulate
     from tensctl.statics import (
         Equilibrium,
         Stability,
@@ -60,7 +60,7 @@ _HOME = {
     "tensctl.model": ("Dynamics", "build_dynamics"),
     "tensctl.pipeline": ("run",),
     "tensctl.scene": ("Scene", "load_scene"),
-    "tensctl.simulation": ("Measurement", "Push", "Run", "simulate"),
+    "tensctl.simulation": ("Measurement", "Push", "Run", "Sanity", "inspect_run", "simulate"),
     "tensctl.statics": (
         "Equilibrium",
         "Stability",
@@ -91,6 +91,7 @@ __all__ = [
     "OutputError",
     "Push",
     "Run",
+    "Sanity",
     "Scene",
     "SceneError",
     "ShapePath",
@@ -108,6 +109,7 @@ __all__ = [
     "controllability",
     "find_equilibria",
     "find_equilibrium",
+    "inspect_run",
     "inverse_statics",
     "linearize",
     "load_scene",

@@ -44,6 +44,10 @@ class Progress:
             raise
         self._say(f"{name}: {time.perf_counter() - start:.1f} s")
 
+    def warn(self, sentence: str) -> None:
+        """Say what is wrong with a result that stands all the same."""
+        self._say(f"warning: {sentence}")
+
     def track(self, total: int, name: str) -> Track:
         """Count `total` steps of the running stage; call `advance` on what this returns."""
         if self._bars is None:

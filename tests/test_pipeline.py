@@ -42,7 +42,7 @@ def test_writes_three_files(short):
 class TestSummary:
     def test_has_every_stage(self, summary):
         stages = ("structure", "equilibrium", "linear", "controllability", "lqr", "target", "mpc", "simulation")
-        assert summary.keys() == {"title", "version", "seconds", *stages}
+        assert summary.keys() == {"title", "version", "seconds", *stages, "sanity"}
         assert summary["version"] == tc.__version__
 
     def test_structure(self, summary):

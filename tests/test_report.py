@@ -125,6 +125,10 @@ class FakeRun:
     relaxed: np.ndarray
     sample_time: np.ndarray
 
+    @property
+    def lengths(self) -> np.ndarray:
+        return self.rest_lengths + self.tensions / STIFFNESS
+
 
 @dataclass(frozen=True)
 class FakeTerm:

@@ -141,7 +141,7 @@ SENTENCES = [
     ({"structure": None}, "structure is missing; expected a table."),
     ({"structure": {"n": 3}}, 'structure.kind is missing; expected "shell", "prism" or "network".'),
     ({"structure": {"kind": "dome"}}, 'structure.kind is "dome"; expected "shell", "prism" or "network".'),
-    ({"rods": 3}, "rods is 3; expected a table with the keys mass."),
+    ({"rods": 3}, "rods is 3; expected a table with the keys mass, radius, EI."),
     ({"rods": {"mass": 0}}, "rods.mass is 0; expected a finite number > 0 (kg)."),
     ({"rods": {"mass": {"r1_*": -2.5}}}, 'rods.mass."r1_*" is -2.5; expected a finite number > 0 (kg).'),
     ({"tendons": {"stiffness": -3}}, "tendons.stiffness is -3; expected a finite number > 0 (N/m)."),

@@ -29,6 +29,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         lqr=results.lqr,
         path=results.path,
         run=results.run,
+        sanity=results.sanity,
         limits=_limits(results),
         shape_error=results.shape_error,
         height=_height(results),

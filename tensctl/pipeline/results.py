@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tensctl.model import Dynamics
     from tensctl.pipeline.certificate import Certificate
     from tensctl.scene import Scene
-    from tensctl.simulation import Run
+    from tensctl.simulation import Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
     from tensctl.synthesis import LQR, MPC, ShapePath
@@ -37,6 +37,8 @@ class Results:
         About the target's equilibrium where there is a target.
     mpc : MPC
     run : Run
+    sanity : Sanity
+        Whether the run is physical.
     certificate : Certificate
         Of the predictive controller on this run.
     """
@@ -50,6 +52,7 @@ class Results:
     lqr: LQR | None = None
     mpc: MPC | None = None
     run: Run | None = None
+    sanity: Sanity | None = None
     certificate: Certificate | None = None
 
     @property

@@ -17,7 +17,8 @@ from tensctl.progress import Progress
 from tensctl.statics import Equilibrium, Stability, find_equilibrium
 
 if TYPE_CHECKING:
-    from tensctl.scene import Scene
+    from tensctl.scene import Scene, SimulationStage
+    from tensctl.simulation import Push
 
 
 class _Clock:
@@ -74,6 +75,7 @@ def _compute(scene: Scene, clock: _Clock) -> Results:
         (scene.lqr is not None, _lqr),
         (scene.mpc is not None, _mpc),
         (scene.simulation is not None, _simulate),
+        (scene.simulation is not None, _inspect),
         (scene.mpc is not None and _controller(scene) == "mpc", _certify),
     ):
         if asked:
@@ -181,8 +183,14 @@ def _mpc(results: Results, clock: _Clock) -> Results:
     return replace(results, mpc=mpc)
 
 
+def _pushes(asked: SimulationStage) -> list[Push]:
+    from tensctl.simulation import Push
+
+    return [Push(push.node, push.force, push.start, push.stop) for push in asked.push]
+
+
 def _simulate(results: Results, clock: _Clock) -> Results:
-    from tensctl.simulation import Push, control_steps, simulate
+    from tensctl.simulation import control_steps, simulate
 
     asked = results.scene.simulation
     assert asked is not None
@@ -198,12 +206,25 @@ def _simulate(results: Results, clock: _Clock) -> Results:
             controller=controller,
             t_end=asked.t_end,
             rate_max=rate_max,
-            pushes=[Push(push.node, push.force, push.start, push.stop) for push in asked.push],
+            pushes=_pushes(asked),
             method=asked.method,
             tol=asked.tol,
             progress=clock.progress.track(steps, "closed loop"),
         )
     return replace(results, run=run)
+
+
+def _inspect(results: Results, clock: _Clock) -> Results:
+    from tensctl.simulation import inspect_run
+
+    assert results.run is not None
+    assert results.dynamics is not None
+    assert results.scene.simulation is not None
+    with clock.stage("sanity"):
+        sanity = inspect_run(results.dynamics, results.run, pushes=_pushes(results.scene.simulation))
+    for sentence in sanity.warnings:
+        clock.progress.warn(sentence)
+    return replace(results, sanity=sanity)
 
 
 def _certify(results: Results, clock: _Clock) -> Results:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tensctl import __version__
 from tensctl.pipeline.results import Results
+from tensctl.simulation import Sanity
 from tensctl.synthesis import LQR
 
 
@@ -24,6 +25,7 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "target": _target(results),
         "mpc": _mpc(results),
         "simulation": _simulation(results),
+        "sanity": None if results.sanity is None else _sanity(results.sanity),
         "seconds": {name: round(value, 4) for name, value in seconds.items()},
     }
     return {name: part for name, part in parts.items() if part is not None}
@@ -135,3 +137,24 @@ def _simulation(results: Results) -> dict | None:
     if error is not None:
         facts |= {"final_shape_error_m": float(error[-1]), "largest_shape_error_m": float(error.max())}
     return facts
+
+
+def _sanity(sanity: Sanity) -> dict:
+    rods, tendons = sanity.structure.rod_labels, sanity.structure.tendon_labels
+    most, since = sanity.most_slack
+    facts: dict = {"warnings": list(sanity.warnings), "not_checked": list(sanity.not_checked)}
+    for name, close, second in (("rod_rod", sanity.rods, rods), ("rod_tendon", sanity.tendons, tendons)):
+        if close is not None and np.isfinite(close.least):
+            first, other = close.pairs[close.least_at]
+            facts |= {
+                f"{name}_clearance_m": close.least,
+                f"{name}_clearance_at_s": float(close.time[close.least_at]),
+                f"{name}_clearance_of": [rods[first], second[other]],
+                f"{name}_passings": len(close.passings),
+            }
+    largest = sanity.largest_compression
+    if largest is not None:
+        facts |= dict(zip(("rod_compression_N", "rod_compression_of", "rod_compression_at_s"), largest, strict=True))
+    if sanity.buckling is not None:
+        facts["largest_share_of_euler_load"] = float(sanity.buckling.share.max())
+    return facts | {"largest_slack_fraction": most, "largest_slack_fraction_at_s": since}

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from tensctl.analysis import ModalReport
     from tensctl.linear import LinearModel
     from tensctl.model import Term
-    from tensctl.simulation import Run
+    from tensctl.simulation import Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
     from tensctl.synthesis import LQR, ShapePath
@@ -122,7 +122,7 @@ class Case:
         What is built.
     scene_toml : str, optional
         The scene with every default visible.
-    equilibrium, linear, controllability, lqr, path, run
+    equilibrium, linear, controllability, lqr, path, run, sanity
         Results of the other rooms, read by attribute only: nothing of those rooms is loaded.
     limits : Limits, optional
         Drawn into the plots of the run.
@@ -150,6 +150,7 @@ class Case:
     lqr: LQR | None = None
     path: ShapePath | None = None
     run: Run | None = None
+    sanity: Sanity | None = None
     limits: Limits | None = None
     shape_error: np.ndarray | None = None
     height: Height | None = None

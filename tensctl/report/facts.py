@@ -110,6 +110,10 @@ def _ran(case: Case) -> list[Tile]:
     if case.shape_error is not None and len(case.shape_error):
         note = f"from {number(1e3 * float(case.shape_error[0]), 3)} mm at the start"
         facts.append(Tile("Final shape error", f"{number(1e3 * float(case.shape_error[-1]), 3)} mm", note))
+    if case.sanity is not None:
+        found = len(case.sanity.warnings)
+        note = "see Sanity" if found else "no contact, no collapse found"
+        facts.append(Tile("Physical", plural(found, "warning") if found else "yes", note, DOUBT if found else GOOD))
     if case.seconds:
         facts.append(Tile("Run time", seconds(sum(case.seconds.values())), plural(len(case.seconds), "stage")))
     return facts

@@ -2,15 +2,18 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 from markupsafe import Markup
 
-from tensctl.report import plot_modes, plot_poles, plot_solver, plot_time
+from tensctl.report import plot_modes, plot_poles, plot_sanity, plot_solver, plot_time
 from tensctl.report.animation import Motion
 from tensctl.report.case import Case
 from tensctl.report.colourbar import colour_bar
 from tensctl.report.grounded import beyond_scale, tension_scale
 from tensctl.report.plots import Plot
 from tensctl.report.shapes import View, draw_views
+
+START = 1e-6  # m; a run that starts farther from rest than this is shown from its own start
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,7 @@ class Figures:
     beyond: str
     still: Markup
     shapes: tuple[Markup, ...]
+    lengths: Plot | None
     tensions: Plot | None
     rest_lengths: Plot | None
     inputs: Plot | None
@@ -30,6 +34,9 @@ class Figures:
     poles: Plot | None
     solve_times: Plot | None
     kkt: Plot | None
+    clearances: Plot | None
+    compressions: Plot | None
+    slack: Plot | None
 
 
 def draw_figures(case: Case, motion: Motion) -> Figures:
@@ -42,6 +49,7 @@ def draw_figures(case: Case, motion: Motion) -> Figures:
         beyond=beyond_scale(case.structure, motion.tensions),
         still=draw_views(case.structure, (still,), tension_max)[0],
         shapes=draw_views(case.structure, shape_views(case, motion), tension_max),
+        lengths=plot_time.lengths(case),
         tensions=plot_time.tensions(case),
         rest_lengths=plot_time.rest_lengths(case),
         inputs=plot_time.inputs(case),
@@ -51,18 +59,24 @@ def draw_figures(case: Case, motion: Motion) -> Figures:
         poles=plot_poles.poles(case.lqr, case.linear),
         solve_times=plot_solver.solve_times(case.run, None if case.mpc_check is None else case.mpc_check.dt),
         kkt=plot_solver.kkt_residuals(case.run),
+        clearances=plot_sanity.clearances(case),
+        compressions=plot_sanity.compressions(case),
+        slack=plot_sanity.slack(case),
     )
 
 
 def shape_views(case: Case, motion: Motion) -> tuple[View, ...]:
-    """At rest, and at the end of the run or the planned path with the first as a shadow behind it."""
+    """At rest or where the run starts, and at the end of the run or path with the first as a shadow behind it."""
     rest, path, height = case.equilibrium, case.path, case.height
     if rest is None:
         return ()
-    before = View("Before, at rest", rest.nodes, rest.tensions, None if height is None else height.before)
+    tall = None if height is None else height.before
+    before = View("Before, at rest", rest.nodes, rest.tensions, tall)
+    if motion.source == "run" and not np.allclose(motion.nodes[0], rest.nodes, rtol=0, atol=START):
+        before = View("At the start", motion.nodes[0], motion.tensions[0], tall)
     wanted = None if path is None else path.target_nodes
     after = None if height is None else height.after
     title = {"run": f"After {motion.times[-1]:.4g} s", "path": "After, as planned"}.get(motion.source)
     if title is None:
         return (before,)
-    return before, View(title, motion.nodes[-1], motion.tensions[-1], after, shadow=rest.nodes, wanted=wanted)
+    return before, View(title, motion.nodes[-1], motion.tensions[-1], after, shadow=before.nodes, wanted=wanted)

@@ -46,10 +46,35 @@ def tensions(case: Case) -> Plot | None:
     )
 
 
+def lengths(case: Case) -> Plot | None:
+    """Length of every tendon of a run that nothing steered; None for a steered one, whose rest lengths say more."""
+    run = case.run
+    if run is None or _steered(run):
+        return None
+    shown = ~case.structure.grounded_tendons
+    return draw_strip(
+        Strip(
+            name="length",
+            label="Length of every tendon over time",
+            title="Tendon length, m",
+            time=run.time,
+            span=span_of(run.time),
+            values=run.lengths[:, shown],
+            labels=_labels(case, shown),
+            urgency=np.ptp(run.lengths[:, shown], axis=0),
+            note=left_out(case.structure),
+            pushes=case.pushes,
+        )
+    )
+
+
 def rest_lengths(case: Case) -> Plot | None:
-    """Rest length of every tendon and its floor; of floors that differ, the lowest and the highest."""
+    """Rest length of every tendon and its floor; of floors that differ, the lowest and the highest.
+
+    None when nothing was steered, and rest lengths stay what they are.
+    """
     run, limits = case.run, case.limits
-    if run is None:
+    if run is None or not _steered(run):
         return None
     shown = ~case.structure.grounded_tendons
     values = run.rest_lengths[:, shown]

@@ -18,9 +18,14 @@ STANDARD_GRAVITY = 9.80665
 
 
 class Rods(Section):
-    """`[rods]`: rigid, uniform and slender."""
+    """`[rods]`: rigid, uniform and slender.
+
+    `radius` and `EI` move nothing: with them a run is checked for rods that touch, and for rods that would buckle.
+    """
 
     mass: Annotated[PerMember, per_member(Number("kg", above=0))] = 1.0
+    radius: Annotated[PerMember, per_member(Number("m", least=0))] = 0.0
+    EI: Annotated[PerMember | None, per_member(Number("N m^2", above=0))] = None
 
 
 class Tendons(Section):

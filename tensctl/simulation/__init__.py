@@ -4,6 +4,18 @@ from tensctl.simulation.controller import Controller, Measurement
 from tensctl.simulation.disturbance import Push
 from tensctl.simulation.energy import momenta, total_energy
 from tensctl.simulation.run import Run
+from tensctl.simulation.sanity import Sanity, inspect_run
 from tensctl.simulation.simulate import control_steps, simulate
 
-__all__ = ["Controller", "Measurement", "Push", "Run", "control_steps", "momenta", "simulate", "total_energy"]
+__all__ = [
+    "Controller",
+    "Measurement",
+    "Push",
+    "Run",
+    "Sanity",
+    "control_steps",
+    "inspect_run",
+    "momenta",
+    "simulate",
+    "total_energy",
+]

@@ -47,6 +47,10 @@ class Members:
         Tendons that have an actuator, acting or not.
     pushed : (nw,) int
         Nodes on which a disturbance acts.
+    radius : (nr,) m
+        Of the rods; 0 where the scene gives none.
+    EI : (nr,) N m^2
+        Bending stiffness of the rods; infinite where the scene gives none.
     """
 
     mass: Float[np.ndarray, " rods"]
@@ -63,6 +67,8 @@ class Members:
     inputs: Int[np.ndarray, " inputs"]
     actuated: Bool[np.ndarray, " tendons"]
     pushed: Int[np.ndarray, " pushed"]
+    radius: Float[np.ndarray, " rods"]
+    EI: Float[np.ndarray, " rods"]
 
     @property
     def damped(self) -> bool:
@@ -91,6 +97,7 @@ def build_members(scene: Scene, structure: Structure) -> Members:
     actuated = select(structure.tendon_labels, scene.actuators.tendons, "actuators.tendons")
     mass = by_label(structure.rod_labels, scene.rods.mass, "rods.mass")
     key = "stiffness" if law == "k" else "EA"
+    EI = np.inf if scene.rods.EI is None else scene.rods.EI
     return Members(
         mass=mass,
         law=law,
@@ -106,6 +113,8 @@ def build_members(scene: Scene, structure: Structure) -> Members:
         inputs=np.flatnonzero(actuated & ~structure.grounded_tendons),
         actuated=actuated,
         pushed=_pushed(scene, structure),
+        radius=by_label(structure.rod_labels, scene.rods.radius, "rods.radius", default=0.0),
+        EI=by_label(structure.rod_labels, EI, "rods.EI", default=np.inf),
     )
 
 
