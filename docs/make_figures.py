@@ -26,11 +26,14 @@ def project(nodes: np.ndarray, turn: float = 0.5, tilt: float = 0.22) -> np.ndar
     return np.column_stack([x, np.cos(tilt) * nodes[:, 2] + np.sin(tilt) * depth])
 
 
-def draw(axes: Axes, structure: tc.Structure, nodes: np.ndarray, tensions: np.ndarray, title: str) -> None:
-    """One view of a structure, tendons coloured by tension."""
+def draw(
+    axes: Axes, structure: tc.Structure, nodes: np.ndarray, tensions: np.ndarray, title: str, full: float = 16.0
+) -> None:
+    """One view of a structure, tendons coloured by tension from 0 to full, N."""
     points = project(nodes)
     tendons = LineCollection(points[structure.tendons], cmap="viridis", linewidths=1.4)
-    tendons.set_array(np.minimum(tensions, 16.0))
+    tendons.set_array(tensions)
+    tendons.set_clim(0.0, full)
     axes.add_collection(tendons)
     axes.add_collection(LineCollection(points[structure.rods], colors=INK, linewidths=4.5, capstyle="round"))
     held = points[structure.pinned]
@@ -61,11 +64,40 @@ def mast(out: Path) -> None:
     figure.savefig(out)
 
 
+def relaxation(out: Path) -> None:
+    """The shell of [S]'s Appendix D: on its cylinder, at rest, and its tendon lengths on the way (Figs. 10 to 12)."""
+    scene = tc.load_scene(HERE.parent / "examples" / "appendix_d.toml").replaced(report=None)
+    with TemporaryDirectory() as folder:
+        run = tc.run(scene, Path(folder) / "run").run
+    assert run is not None
+    figure = Figure(figsize=(11, 3.9), layout="constrained", dpi=120)
+    FigureCanvasAgg(figure)
+    start, end, over_time = figure.subplots(1, 3, width_ratios=[1, 1, 1.35])
+    highest = float(run.tensions.max())
+    draw(start, run.structure, run.nodes[0], run.tensions[0], "start: nodes on a cylinder", highest)
+    draw(end, run.structure, run.nodes[-1], run.tensions[-1], f"steady state, after {run.time[-1]:g} s", highest)
+    for axes in (start, end):
+        axes.set(ylim=(-0.45, 2.05))
+    angle = np.linspace(0, 2 * np.pi, 100)
+    for level in (run.nodes[0, :, 2].min(), run.nodes[0, :, 2].max()):
+        ring = project(np.column_stack([np.cos(angle), np.sin(angle), np.full(100, level)]))
+        start.plot(*ring.T, color=GREY, linewidth=0.8, zorder=0)
+    for k, (length, index) in enumerate(zip(*np.unique(run.lengths[0].round(9), return_index=True), strict=True)):
+        label = f"{length:.3f} m at the start"
+        over_time.plot(run.time, run.lengths[:, index], color=(BLUE, ORANGE, GREY, INK)[k], label=label)
+    over_time.set(xlabel="time, s", ylabel="tendon length, m", xlim=(0, 1.0))
+    over_time.legend(frameon=False)
+    over_time.grid(axis="y", color="#e3e7eb")
+    over_time.spines[["top", "right"]].set_visible(False)
+    figure.savefig(out)
+
+
 def main() -> None:
     """Write every picture."""
     images = HERE / "images"
     images.mkdir(exist_ok=True)
     mast(images / "mast.png")
+    relaxation(images / "appendix_d.png")
 
 
 if __name__ == "__main__":
