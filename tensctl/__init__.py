@@ -27,7 +27,17 @@ if TYPE_CHECKING:
     from tensctl.model import Dynamics, build_dynamics
     from tensctl.pipeline import run
     from tensctl.scene import Scene, load_scene
-    from tensctl.simulation import Measurement, Push, Run, Sanity, inspect_run, simulate
+    from tensctl.simulation import (
+        History,
+        Measurement,
+        Push,
+        Run,
+        Sanity,
+        Schedule,
+        Wave,
+        inspect_run,
+        simulate,
+    )
     from tensctl.statics import (
         Equilibrium,
         Stability,
@@ -60,7 +70,17 @@ _HOME = {
     "tensctl.model": ("Dynamics", "build_dynamics"),
     "tensctl.pipeline": ("run",),
     "tensctl.scene": ("Scene", "load_scene"),
-    "tensctl.simulation": ("Measurement", "Push", "Run", "Sanity", "inspect_run", "simulate"),
+    "tensctl.simulation": (
+        "History",
+        "Measurement",
+        "Push",
+        "Run",
+        "Sanity",
+        "Schedule",
+        "Wave",
+        "inspect_run",
+        "simulate",
+    ),
     "tensctl.statics": (
         "Equilibrium",
         "Stability",
@@ -84,6 +104,7 @@ __all__ = [
     "Dynamics",
     "Equilibrium",
     "EquilibriumError",
+    "History",
     "LinearModel",
     "LinearizationError",
     "Measurement",
@@ -94,6 +115,7 @@ __all__ = [
     "Sanity",
     "Scene",
     "SceneError",
+    "Schedule",
     "ShapePath",
     "SimulationError",
     "Stability",
@@ -101,6 +123,7 @@ __all__ = [
     "StructureError",
     "SynthesisError",
     "TensctlError",
+    "Wave",
     "__version__",
     "admissible_prestress",
     "build_dynamics",

@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 import numba.core.config
@@ -37,6 +37,15 @@ def jit(function: Kernel) -> Kernel:
             return _compiled(function, cache=True)
     except (RuntimeError, OSError):
         return _compiled(function, cache=False)
+
+
+def part(function: Kernel) -> Kernel:
+    """Compile a kernel that becomes part of each kernel that calls it; call it in few places.
+
+    A call of a kernel that stays on its own copies every array header in its tuples of arrays: 0.6 us for the arrays of
+    one right-hand side of the (3,1) shell, which itself takes 0.2 us.
+    """
+    return cast(Kernel, numba.njit(forceinline=True, fastmath=False, error_model="numpy")(function))
 
 
 def _compiled(function: Callable[..., Any], *, cache: bool) -> Any:

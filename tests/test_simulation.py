@@ -14,8 +14,9 @@ from support import (
 )
 
 import tensctl as tc
-from tensctl.simulation import splitting
-from tensctl.simulation.plant import Splitting4
+from tensctl.simulation.drive import steady
+from tensctl.simulation.integrators.splitting import Splitting
+from tensctl.simulation.integrators.tables import TABLES
 
 DAMPED = {"damping": 2.0}
 
@@ -70,7 +71,7 @@ class TestReference:
         dynamics = tc.build_dynamics(reference_scene)
         times = np.array(reference["trajectory"]["t_s"])
         run = tc.simulate(dynamics, dynamics.structure.nodes, timepts=times)
-        assert run.method == "splitting4"
+        assert run.method == "splitting6"
         assert (run.time == times).all()
         assert np.abs(run.nodes - reference["trajectory"]["nodes_m"]).max() < 1e-9
         assert run.switches > 0
@@ -130,51 +131,60 @@ def taut_motion(**sections):
 TAUT = {"k": {}, "EA": {"tendons": {"EA": 100.0}}, "weight": {"pins": ["P1_*_1"], "gravity": {"g": 9.8}}}
 
 
+ORDERS = {2: [40, 60, 90, 140], 4: [20, 30, 45, 70], 6: [12, 16, 22, 30]}
+
+
+def steps_of(order, dynamics, start, steps, drive=None, t_end=0.5):
+    """End of a run in equal steps, no tendon changing over."""
+    q, v = dynamics.rod_coordinates(start[0]), dynamics.rod_coordinates(start[1])
+    plant = Splitting(dynamics, order, t_end / steps)
+    drive = steady(dynamics.members.rest_lengths, dynamics.members.forces) if drive is None else drive
+    plant.march(q, v, np.array([0.0, t_end]), drive, *(np.empty((2, *q.shape)) for _ in range(2)))
+    assert plant.switches == 0
+    return np.hstack([q, v])
+
+
+def assert_order(order, dynamics, start, drive=None):
+    exact, counts = steps_of(6, dynamics, start, 400, drive), np.array(ORDERS[order])
+    errors = [np.abs(steps_of(order, dynamics, start, n, drive) - exact).max() for n in counts]
+    assert order - 0.3 < order_of(0.5 / counts, errors) < order + 0.6
+
+
 class TestOrder:
-    def fixed_steps(self, dynamics, start, steps, t_end=0.5):
-        q, v = dynamics.rod_coordinates(start[0]), dynamics.rod_coordinates(start[1])
-        plant = Splitting4(dynamics, t_end / steps)
-        rest = dynamics.members.rest_lengths
-        plant.advance(q, v, 0.0, t_end, rest, 0 * rest, dynamics.members.forces)
-        assert plant.switches == 0
-        return np.hstack([q, v])
-
+    @pytest.mark.parametrize("order", ORDERS)
     @pytest.mark.parametrize("sections", TAUT.values(), ids=TAUT)
-    def test_splitting_has_order_four(self, sections):
-        dynamics, start = taut_motion(**sections)
-        exact = self.fixed_steps(dynamics, start, 800)
-        counts = np.array([20, 30, 45, 70])
-        errors = [np.abs(self.fixed_steps(dynamics, start, n) - exact).max() for n in counts]
-        assert 3.7 < order_of(0.5 / counts, errors) < 4.5
+    def test_splittings_have_their_order(self, sections, order):
+        assert_order(order, *taut_motion(**sections))
 
-    def test_splitting_table_is_consistent(self):
-        """Symmetric, and kicks as well as drifts add up to a whole step."""
-        assert splitting.KICKS.sum() == pytest.approx(1, abs=1e-15)
-        assert splitting.DRIFTS.sum() == pytest.approx(1, abs=1e-15)
-        assert (splitting.KICKS[::-1] == splitting.KICKS).all()
-        assert (splitting.DRIFTS[::-1] == splitting.DRIFTS).all()
+    @pytest.mark.parametrize("order", ORDERS)
+    def test_tables_are_consistent(self, order):
+        """Symmetric, and kicks as well as flights add up to a whole step."""
+        for part in TABLES[order]:
+            assert part.sum() == pytest.approx(1, abs=1e-15)
+            assert (part[::-1] == part).all()
 
-    def test_splitting_table_meets_the_order_conditions(self):
+    @pytest.mark.parametrize("order", [4, 6])
+    def test_tables_meet_the_order_conditions(self, order):
         """As a Nystrom method with nodes c and A_ij = b_j (c_i - c_j), j < i: the conditions up to order 4."""
-        b, c = splitting.KICKS, np.concatenate([[0], np.cumsum(splitting.DRIFTS)])
+        b, c = TABLES[order].kicks, np.concatenate([[0], np.cumsum(TABLES[order].drifts)])
         A = np.tril(b * (c[:, None] - c), -1)
         inner = A.sum(axis=1)
         found = b @ c, b @ c**2, b @ inner, b @ c**3, b @ (c * inner), b @ A @ c
         assert np.abs(np.array(found) - [1 / 2, 1 / 3, 1 / 6, 1 / 4, 1 / 8, 1 / 24]).max() < 1e-14
 
-    def test_ramping_rest_lengths_keep_the_order(self):
+    @pytest.mark.parametrize("order", ORDERS)
+    def test_inputs_that_change_keep_the_order(self, order):
+        """Rest lengths that ramp and lag, loads that grow and swing."""
         dynamics, start = taut_motion()
-        rest = dynamics.members.rest_lengths
-        rate = 0.2 * rest * np.linspace(-1, 1, rest.size)
-
-        def end(steps):
-            q, v = dynamics.rod_coordinates(start[0]), dynamics.rod_coordinates(start[1])
-            Splitting4(dynamics, 0.5 / steps).advance(q, v, 0.0, 0.5, rest, rate, dynamics.members.forces)
-            return np.hstack([q, v])
-
-        exact, counts = end(800), np.array([20, 30, 45, 70])
-        errors = [np.abs(end(n) - exact).max() for n in counts]
-        assert 3.7 < order_of(0.5 / counts, errors) < 4.5
+        rest, forces = dynamics.members.rest_lengths, dynamics.members.forces
+        share = np.linspace(-1, 1, rest.size)
+        drive = steady(rest, forces)._replace(
+            rate=0.2 * rest * share, lag=0.1 * rest * share[::-1], tau=0.3,
+            force_rate=np.full_like(forces, 2.0), wave_node=np.array([1, 5]),
+            wave_force=np.array([[3.0, 0, 1.0], [0, 2.0, 0]]), wave_omega=np.array([7.0, 9.0]),
+            wave_phase=np.array([0.3, 1.0]), ramped=True, swept=True,
+        )  # fmt: skip
+        assert_order(order, dynamics, start, drive)
 
     def test_dopri5_error_is_proportional_to_tol(self):
         dynamics, start = taut_motion(tendons=DAMPED)
@@ -189,7 +199,7 @@ class TestOrder:
 
     def test_dopri5_table(self):
         """Order conditions of the tree types up to order 5 for the bushy and tall trees, and an embedded order 4."""
-        from tensctl.simulation.dormand_prince import ERROR, NODES, A
+        from tensctl.simulation.integrators.dormand_prince import ERROR, NODES, A
 
         b, c = np.append(A[-1], 0), NODES
         full = np.hstack([A, np.zeros((7, 1))])
@@ -208,7 +218,7 @@ class TestOrder:
         dynamics = tc.build_dynamics(shell_scene(pins=MIXED_PINS, gravity={"g": 9.8}))
         runs = [
             tc.simulate(dynamics, dynamics.structure.nodes, timepts=[0.0, 0.5], method=method, tol=1e-11)
-            for method in ("splitting4", "dopri5")
+            for method in ("splitting6", "dopri5")
         ]
         assert runs[0].switches > 0
         assert np.abs(runs[0].nodes[-1] - runs[1].nodes[-1]).max() < 1e-8

@@ -16,8 +16,8 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics, build_dynamics
 from tensctl.simulation import Push, Run, simulate, total_energy
+from tensctl.simulation.integrators import Method
 from tensctl.simulation.moving import Start
-from tensctl.simulation.plant import Method
 from tensctl.statics import find_equilibrium
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def work_precision(scene: Scene) -> WorkPrecision:
     first = min((push.start for push in pushes), default=0.0)
     moved = [Push(p.node, p.force, p.start - first, p.stop - first) for p in pushes]
     motion = _Motion(dynamics, find_equilibrium(scene) if moved else dynamics.structure.nodes, tuple(moved), t_end)
-    methods: tuple[Method, ...] = ("dopri5",) if dynamics.damped else ("splitting4", "dopri5")
+    methods: tuple[Method, ...] = ("dopri5",) if dynamics.damped else ("splitting6", "splitting4", "dopri5")
     reference, check = motion.run(methods[0], _STRICTEST), motion.run(methods[0], _STRICT)
     attempts = [motion.attempt(method, tol, reference) for method in methods for tol in _TOLERANCES]
     return WorkPrecision(tuple(attempts), t_end, _distance(check, reference))

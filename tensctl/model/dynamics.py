@@ -42,11 +42,14 @@ class Dynamics:
     potential : Potential
     damping : (nt,) N s/m
     drag : float, N s/m on each rod end
+    clamped : bool
+        Whether a damped tendon is held at T >= 0; False lets a taut damper push, for comparison with codes that do.
     """
 
     potential: Potential
     damping: Float[np.ndarray, " tendons"]
     drag: float
+    clamped: bool = True
 
     @property
     def structure(self) -> Structure:
@@ -112,6 +115,11 @@ class Dynamics:
             anchor=structure.nodes,
             mass=members.mass,
             lengths=manifold.lengths,
+            tail_at=3 * structure.tendons[:, 0].astype(np.uint64),
+            head_at=3 * structure.tendons[:, 1].astype(np.uint64),
+            rod_tail_at=3 * structure.rods[:, 0].astype(np.uint64),
+            rod_head_at=3 * structure.rods[:, 1].astype(np.uint64),
+            clamped=self.clamped,
         )
 
     def rod_coordinates(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "rods 6"]:

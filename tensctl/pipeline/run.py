@@ -17,8 +17,7 @@ from tensctl.progress import Progress
 from tensctl.statics import Equilibrium, Stability, find_equilibrium
 
 if TYPE_CHECKING:
-    from tensctl.scene import Scene, SimulationStage
-    from tensctl.simulation import Push
+    from tensctl.scene import Scene
 
 
 class _Clock:
@@ -183,30 +182,25 @@ def _mpc(results: Results, clock: _Clock) -> Results:
     return replace(results, mpc=mpc)
 
 
-def _pushes(asked: SimulationStage) -> list[Push]:
-    from tensctl.simulation import Push
-
-    return [Push(push.node, push.force, push.start, push.stop) for push in asked.push]
-
-
 def _simulate(results: Results, clock: _Clock) -> Results:
     from tensctl.simulation import control_steps, simulate
+    from tensctl.simulation.asked import loads_of, schedule_of, start_of
 
     asked = results.scene.simulation
     assert asked is not None
     assert results.dynamics is not None
     controller = {"none": None, "lqr": results.lqr, "mpc": results.mpc}[asked.controller]
-    rate_max = float("inf") if results.scene.mpc is None else results.scene.mpc.rate_max
+    rate_max = None if results.scene.mpc is None else results.scene.mpc.rate_max
     steps = 1 if controller is None else control_steps(asked.t_end, controller.dt)
-    start = results.equilibrium if controller is not None or asked.push else results.structure.nodes
     with clock.stage("simulation"):
         run = simulate(
             results.dynamics,
-            start,
+            start_of(asked, results.dynamics, results.equilibrium),
             controller=controller,
             t_end=asked.t_end,
             rate_max=rate_max,
-            pushes=_pushes(asked),
+            pushes=loads_of(asked),
+            schedule=schedule_of(asked),
             method=asked.method,
             tol=asked.tol,
             progress=clock.progress.track(steps, "closed loop"),
@@ -216,12 +210,13 @@ def _simulate(results: Results, clock: _Clock) -> Results:
 
 def _inspect(results: Results, clock: _Clock) -> Results:
     from tensctl.simulation import inspect_run
+    from tensctl.simulation.asked import loads_of
 
     assert results.run is not None
     assert results.dynamics is not None
     assert results.scene.simulation is not None
     with clock.stage("sanity"):
-        sanity = inspect_run(results.dynamics, results.run, pushes=_pushes(results.scene.simulation))
+        sanity = inspect_run(results.dynamics, results.run, pushes=loads_of(results.scene.simulation))
     for sentence in sanity.warnings:
         clock.progress.warn(sentence)
     return replace(results, sanity=sanity)

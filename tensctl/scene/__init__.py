@@ -7,13 +7,16 @@ from tensctl.scene.scene import Scene
 from tensctl.scene.stages import (
     ControllabilityStage,
     EquilibriumStage,
+    HistoryRequest,
     LinearizeStage,
     LqrStage,
     MpcStage,
     PushRequest,
     ReportStage,
+    ScheduleRequest,
     SimulationStage,
     TargetStage,
+    WaveRequest,
 )
 from tensctl.scene.tables import Ratio
 
@@ -23,6 +26,7 @@ __all__ = [
     "Drag",
     "EquilibriumStage",
     "Gravity",
+    "HistoryRequest",
     "LinearizeStage",
     "LqrStage",
     "MpcStage",
@@ -33,9 +37,11 @@ __all__ = [
     "ReportStage",
     "Rods",
     "Scene",
+    "ScheduleRequest",
     "ShellRecipe",
     "SimulationStage",
     "TargetStage",
     "Tendons",
+    "WaveRequest",
     "load_scene",
 ]

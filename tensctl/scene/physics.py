@@ -64,7 +64,9 @@ class Drag(Section):
 
 
 class Actuators(Section):
-    """`[actuators]`: tendons whose rest length a controller may change, and the least it may ask for."""
+    """`[actuators]`: tendons whose rest length a controller may change, the least it may ask for, speed and lag."""
 
     tendons: Annotated[tuple[str, ...], Texts("tendon labels", '["t5_*"]')] = ("*",)
     floor: Annotated[float, Number("of the rest length", above=0, below=1)] = 1e-3
+    rate_max: Annotated[float | None, Number("m/s", above=0)] = None
+    lag: Annotated[float, Number("s", least=0)] = 0.0

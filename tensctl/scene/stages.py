@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from tensctl.scene.complaint import complaint, shown
 from tensctl.scene.section import Section
-from tensctl.scene.values import Number, Text, Vector
+from tensctl.scene.values import Number, Numbers, Text, Vector
 
 Output = Literal["nodes", "lengths", "tensions"]
 Tolerance = Annotated[float, Number(above=0, below=1)]
@@ -80,14 +80,48 @@ class PushRequest(Section):
         return self
 
 
+class WaveRequest(Section):
+    """`[[simulation.wave]]`: a sinusoidal force on a node, from one time to another."""
+
+    node: Annotated[str, Text("a node label")]
+    force: Annotated[tuple[float, float, float], Vector("N")]
+    frequency: Annotated[float, Number("Hz", above=0)]
+    phase: Annotated[float, Number("rad")] = 0.0
+    start: Annotated[float, Number("s", least=0)] = Field(default=0.0, alias="from")
+    stop: Annotated[float | None, Number("s", above=0)] = Field(default=None, alias="to")
+
+
+class HistoryRequest(Section):
+    """`[[simulation.history]]`: a force on a node, its factor interpolated linearly between times."""
+
+    node: Annotated[str, Text("a node label")]
+    force: Annotated[tuple[float, float, float], Vector("N")]
+    times: Annotated[tuple[float, ...], Numbers("s")]
+    factors: Annotated[tuple[float, ...], Numbers()]
+
+
+class ScheduleRequest(Section):
+    """`[[simulation.schedule]]`: planned rest-length change of tendons, linear between times; > 0 shortens."""
+
+    tendon: Annotated[str, Text("a tendon label")]
+    times: Annotated[tuple[float, ...], Numbers("s")]
+    change: Annotated[tuple[float, ...], Numbers("m")]
+
+
 class SimulationStage(Section):
     """`[simulation]`: the run of the full nonlinear structure."""
 
     t_end: Annotated[float, Number("s", above=0)]
     controller: Literal["none", "lqr", "mpc"] = "none"
-    method: Literal["auto", "splitting4", "dopri5"] = "auto"
+    method: Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5"] = "auto"
     tol: Tolerance = 1e-10
+    start: Literal["auto", "nodes", "equilibrium"] = "auto"
+    velocity: Annotated[tuple[float, float, float] | None, Vector("m/s")] = None
+    spin: Annotated[tuple[float, float, float] | None, Vector("rad/s")] = None
     push: tuple[PushRequest, ...] = ()
+    wave: tuple[WaveRequest, ...] = ()
+    history: tuple[HistoryRequest, ...] = ()
+    schedule: tuple[ScheduleRequest, ...] = ()
 
 
 class ReportStage(Section):

@@ -109,6 +109,26 @@ class Vector(Value):
 
 
 @dataclass(frozen=True)
+class Numbers(Value):
+    """A list of finite numbers, at least one."""
+
+    unit: str = ""
+
+    @property
+    def words(self) -> str:
+        return "a list of finite numbers" + (f" ({self.unit})" if self.unit else "")
+
+    def fits(self, value: Any) -> bool:
+        return isinstance(value, list | tuple) and len(value) > 0
+
+    def contents(self, value: Any) -> tuple[float, ...]:
+        try:
+            return tuple(Number().read(x) for x in value)
+        except PydanticCustomError:
+            raise self.complaint(value) from None
+
+
+@dataclass(frozen=True)
 class Text(Value):
     """A string that is not empty, unless it may be."""
 

@@ -1,18 +1,23 @@
 """What then happens: the nonlinear structure over time, alone or under a controller."""
 
 from tensctl.simulation.controller import Controller, Measurement
-from tensctl.simulation.disturbance import Push
 from tensctl.simulation.energy import momenta, total_energy
+from tensctl.simulation.loads import History, Load, Push, Wave
 from tensctl.simulation.run import Run
 from tensctl.simulation.sanity import Sanity, inspect_run
+from tensctl.simulation.schedule import Schedule
 from tensctl.simulation.simulate import control_steps, simulate
 
 __all__ = [
     "Controller",
+    "History",
+    "Load",
     "Measurement",
     "Push",
     "Run",
     "Sanity",
+    "Schedule",
+    "Wave",
     "control_steps",
     "inspect_run",
     "momenta",

@@ -58,36 +58,36 @@ def steady(rest: np.ndarray, force: np.ndarray) -> Drive:
 
 
 @jit
-def drive_at(drive, t, rest, force):
-    """Fill rest (nt,) and force (N, 3) with their values at time t."""
+def drive_at(drive, t, rest, load):
+    """Fill rest (nt,) and the flat load (3N,) with their values at time t."""
     s = t - drive.start
     if drive.ramped:
         share = -np.expm1(-s / drive.tau)
         for k in range(rest.size):
             rest[k] = drive.rest[k] + s * drive.rate[k] + share * drive.lag[k]
     if drive.swept:
-        for a in range(force.shape[0]):
+        for a in range(drive.force.shape[0]):
             for i in range(3):
-                force[a, i] = drive.force[a, i] + s * drive.force_rate[a, i]
+                load[3 * a + i] = drive.force[a, i] + s * drive.force_rate[a, i]
         for w in range(drive.wave_node.size):
             swing = np.sin(drive.wave_omega[w] * t + drive.wave_phase[w])
             for i in range(3):
-                force[drive.wave_node[w], i] += swing * drive.wave_force[w, i]
+                load[3 * drive.wave_node[w] + i] += swing * drive.wave_force[w, i]
 
 
 @jit
-def drive_rate(drive, t, rest_rate, force_rate):
+def drive_rate(drive, t, rest_rate, load_rate):
     """Fill the derivatives of rest lengths and forces by time at t."""
     if drive.ramped:
         share = np.exp(-(t - drive.start) / drive.tau) / drive.tau
         for k in range(rest_rate.size):
             rest_rate[k] = drive.rate[k] + share * drive.lag[k]
     if drive.swept:
-        for a in range(force_rate.shape[0]):
+        for a in range(drive.force.shape[0]):
             for i in range(3):
-                force_rate[a, i] = drive.force_rate[a, i]
+                load_rate[3 * a + i] = drive.force_rate[a, i]
         for w in range(drive.wave_node.size):
             omega = drive.wave_omega[w]
             swing = omega * np.cos(omega * t + drive.wave_phase[w])
             for i in range(3):
-                force_rate[drive.wave_node[w], i] += swing * drive.wave_force[w, i]
+                load_rate[3 * drive.wave_node[w] + i] += swing * drive.wave_force[w, i]

@@ -1,13 +1,19 @@
-"""The structure in motion: its state, its rest lengths, and what was recorded of them."""
+"""The structure in motion: its state, what acts on it, and what was recorded of it."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
+from tensctl.simulation.actuators import Actuators
 from tensctl.simulation.controller import Controller, Measurement
-from tensctl.simulation.plant import Method, choose_integrator, state_at
+from tensctl.simulation.drive import Drive
+from tensctl.simulation.integrators import Choice
+from tensctl.simulation.loads import Load, Loads
+from tensctl.simulation.record import Record, placed, tensions_at
 from tensctl.simulation.run import Run
 from tensctl.statics import Equilibrium
 from tensctl.structure import lengths
@@ -19,16 +25,17 @@ Start = Equilibrium | np.ndarray | tuple[np.ndarray, np.ndarray]
 class Moving:
     """State of a run and what was recorded of it."""
 
-    def __init__(self, dynamics: Dynamics, start: Start, method: Method, tol: float) -> None:
-        nodes, velocities, rest = _start(dynamics, start)
-        self._dynamics, self._integrator = dynamics, choose_integrator(dynamics, method, tol)
-        self._q, self._v = state_at(dynamics, nodes, velocities)
-        self._nodes = dynamics.structure.nodes
-        self._rest, self._rate = rest, np.zeros_like(rest)
-        self._rows: list[tuple] = []
+    def __init__(
+        self, dynamics: Dynamics, choice: Choice, state: tuple[np.ndarray, np.ndarray], actuators: Actuators,
+        loads: Sequence[Load], times: np.ndarray,
+    ) -> None:  # fmt: skip
+        self._dynamics, self._choice = dynamics, choice
+        self._q, self._v = state
+        self._actuators, self._loads = actuators, Loads(dynamics, loads)
+        self._record = Record(times, len(dynamics.structure.rods), len(dynamics.structure.tendons))
         self._status = ""
 
-    def command(self, controller: Controller, t: float, period: float, rate_max: float) -> None:
+    def command(self, controller: Controller, t: float, period: float) -> None:
         """Ask the controller; from now on rest lengths ramp towards its answer."""
         members = self._dynamics.members
         u = np.asarray(controller.step(float(t), self._measurement()), float)
@@ -36,60 +43,58 @@ class Moving:
             raise SimulationError(
                 f"at {t:g} s the controller gave u of shape {u.shape}; finite {members.inputs.shape} is expected."
             )
-        wanted = members.rest_lengths[members.inputs] - u
-        wanted = np.maximum(wanted, members.floors[members.inputs])
-        change = np.clip(wanted - self._rest[members.inputs], -rate_max * period, rate_max * period)
-        self._rate = np.zeros_like(self._rest)
-        self._rate[members.inputs] = change / period
+        self._actuators.command(u, period)
         records = _records(controller)
         self._status = records[-1].status if records else "ok"
 
-    def advance(self, t0: float, t1: float, forces: np.ndarray) -> None:
-        """Move to the next edge."""
-        self._integrator.advance(self._q, self._v, t0, t1, self._rest, self._rate, forces)
-        self._rest = self._rest + (t1 - t0) * self._rate
+    def begin(self, t: float) -> None:
+        """Record the start, when it is asked for."""
+        if self._record.times[0] == t:
+            self._record.put(slice(0, 1), self._q[None], self._v[None], self._actuators.rest[None], self._status)
+
+    def advance(self, t0: float, t1: float) -> None:
+        """Move from one edge to the next, and record what lies between."""
+        rows = self._record.between(t0, t1)
+        inside = self._record.times[rows]
+        times = np.concatenate([[t0], inside, [] if inside.size and inside[-1] == t1 else [t1]])
+        q, v = (np.empty((times.size, *self._q.shape)) for _ in range(2))
+        self._choice.integrator.march(self._q, self._v, times, self._drive(t0, t1), q, v)
         if not np.isfinite(self._q).all():
             raise SimulationError(f"the motion could not be followed beyond {t0:g} s; use a smaller tol.")
-
-    def record(self, t: float, controller: Controller | None) -> None:
-        """Keep the state."""
-        m = self._measurement()
-        self._rows.append((t, m.nodes, m.velocities, m.lengths, m.tensions, self._rest, m.inputs, self._status))
+        kept = slice(1, 1 + inside.size)
+        self._record.put(rows, q[kept], v[kept], self._actuators.after(inside - t0), self._status)
+        self._actuators.advance(t1 - t0)
 
     def finished(self, controller: Controller | None) -> Run:
         """The run."""
-        time, nodes, velocities, length, tension, rest, inputs, status = zip(*self._rows, strict=True)
-        records = _records(controller)
+        integrator, records = self._choice.integrator, _records(controller)
+        motion = self._record.motion(self._dynamics)
         return Run(
-            structure=self._dynamics.structure, time=np.array(time), nodes=np.stack(nodes),
-            velocities=np.stack(velocities), lengths=np.stack(length), tensions=np.stack(tension),
-            rest_lengths=np.stack(rest), inputs=np.stack(inputs), input_labels=self._dynamics.input_labels,
-            status=np.array(status), sample_time=np.array([r.time for r in records]),
+            structure=self._dynamics.structure, time=motion.time, nodes=motion.nodes, velocities=motion.velocities,
+            lengths=motion.lengths, tensions=motion.tensions, rest_lengths=motion.rest_lengths,
+            inputs=motion.inputs, input_labels=self._dynamics.input_labels, status=motion.status,
+            sample_time=np.array([r.time for r in records]),
             solve_time=np.array([r.solve_time for r in records]), kkt=np.array([r.kkt for r in records]),
-            relaxed=np.array([r.relaxed for r in records]), method=self._integrator.name,
-            evaluations=self._integrator.evaluations, switches=self._integrator.switches,
+            relaxed=np.array([r.relaxed for r in records]), method=integrator.name, why=self._choice.why,
+            evaluations=integrator.evaluations, switches=integrator.switches,
+        )  # fmt: skip
+
+    def _drive(self, t0: float, t1: float) -> Drive:
+        actuators, acting = self._actuators, self._loads.between(t0, t1)
+        lag, tau = actuators.lag(), self._dynamics.members.lag
+        return Drive(
+            float(t0), actuators.rest, actuators.rate, lag, tau if tau > 0 else 1.0, acting.force, acting.force_rate,
+            acting.wave_node, acting.wave_force, acting.wave_omega, acting.wave_phase,
+            bool(actuators.rate.any() or lag.any()), bool(acting.force_rate.any() or acting.wave_node.size),
         )  # fmt: skip
 
     def _measurement(self) -> Measurement:
-        members, tendons = self._dynamics.members, self._dynamics.structure.tendons
-        nodes, velocities = self._placed(self._q, self._nodes), self._placed(self._v, np.zeros_like(self._nodes))
-        length = lengths(nodes, tendons)
-        stiffness = members.stiffness if members.law == "k" else members.stiffness / self._rest
-        tension = stiffness * (length - self._rest)
-        if self._dynamics.damping.any():
-            d, rate = (a[tendons[:, 1]] - a[tendons[:, 0]] for a in (nodes, velocities))
-            closing = np.einsum("ti,ti->t", d, rate) / np.where(length > 0, length, 1.0)
-            tension = tension + self._dynamics.damping * closing
-        tension = np.where(length > self._rest, np.maximum(tension, 0.0), 0.0)
-        u = (members.rest_lengths - self._rest)[members.inputs]
-        return Measurement(nodes, velocities, length, tension, u)
-
-    def _placed(self, q: np.ndarray, base: np.ndarray) -> np.ndarray:
-        placed, rods = base.copy(), self._dynamics.structure.rods
-        moving = self._dynamics.potential.manifold.moving
-        placed[rods[moving, 0]] = 0.5 * (q[moving, :3] - q[moving, 3:])
-        placed[rods[moving, 1]] = 0.5 * (q[moving, :3] + q[moving, 3:])
-        return placed
+        structure, rest = self._dynamics.structure, self._actuators.rest
+        nodes = placed(structure, self._q[None], structure.nodes)
+        velocities = placed(structure, self._v[None], np.zeros_like(structure.nodes))
+        length = lengths(nodes[0], structure.tendons)
+        tension = tensions_at(self._dynamics, nodes, velocities, length[None], rest[None])
+        return Measurement(nodes[0], velocities[0], length, tension[0], self._actuators.inputs)
 
 
 def _records(controller: Controller | None) -> list[StepRecord]:
@@ -98,7 +103,8 @@ def _records(controller: Controller | None) -> list[StepRecord]:
     return [r for r in kept if isinstance(r, StepRecord)] if isinstance(kept, list) else []
 
 
-def _start(dynamics: Dynamics, start: Start) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def started(dynamics: Dynamics, start: Start) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes, velocities and rest lengths of a start; an equilibrium brings its rest lengths along."""
     if isinstance(start, Equilibrium):
         return start.nodes, np.zeros_like(start.nodes), start.rest_lengths.copy()
     nodes, velocities = start if isinstance(start, tuple) else (start, np.zeros_like(np.asarray(start, float)))

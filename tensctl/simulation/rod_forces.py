@@ -23,7 +23,7 @@ from jaxtyping import Float
 
 from tensctl.elements import Hold
 from tensctl.model import Dynamics
-from tensctl.simulation.disturbance import Disturbances, Push
+from tensctl.simulation.loads import Load, Loads
 from tensctl.simulation.run import Run
 
 
@@ -60,14 +60,14 @@ class RodForces:
         return (1 - place) * self.tail + place * self.head - 0.5 * self.bow * place * (1 - place)
 
 
-def rod_forces_along(dynamics: Dynamics, run: Run, pushes: Sequence[Push] = ()) -> RodForces:
+def rod_forces_along(dynamics: Dynamics, run: Run, pushes: Sequence[Load] = ()) -> RodForces:
     """Axial force along each rod at each recorded time of a run.
 
     Parameters
     ----------
     dynamics : Dynamics
     run : Run
-    pushes : sequence of Push
+    pushes : sequence of Push, Wave or History
         Those of the run; they are not among what it records.
     """
     structure, members, manifold = dynamics.structure, dynamics.members, dynamics.potential.manifold
@@ -87,10 +87,10 @@ def rod_forces_along(dynamics: Dynamics, run: Run, pushes: Sequence[Push] = ()) 
     return RodForces(tail * moves, head * moves, bow)
 
 
-def end_forces(dynamics: Dynamics, run: Run, pushes: Sequence[Push] = ()) -> Float[np.ndarray, "t nodes 3"]:
+def end_forces(dynamics: Dynamics, run: Run, pushes: Sequence[Load] = ()) -> Float[np.ndarray, "t nodes 3"]:
     """What tendons, loads, pushes and drag do on each node at each recorded time, N; weight is spread along rods."""
     structure, members = dynamics.structure, dynamics.members
-    acting = Disturbances(dynamics, pushes)
+    acting = Loads(dynamics, pushes)
     weight = np.zeros_like(structure.nodes)
     np.add.at(weight, structure.rods, 0.5 * members.mass[:, None, None] * members.gravity)
     forces = np.stack([acting.at(t) for t in run.time]) - weight - dynamics.drag * run.velocities

@@ -34,6 +34,8 @@ class Run:
         One entry a control step of a controller that solves problems.
     method : str
         Integrator.
+    why : str
+        Why it was taken.
     evaluations : int
         Right-hand sides computed.
     switches : int
@@ -57,6 +59,7 @@ class Run:
     method: str
     evaluations: int
     switches: int
+    why: str = ""
 
     @property
     def rod_drift(self) -> float:
@@ -107,7 +110,12 @@ class Run:
             "input": list(self.input_labels),
             "sample": ("sample", self.sample_time, {"units": "s"}),
         }
-        attributes = {"method": self.method, "evaluations": self.evaluations, "switches": self.switches}
+        attributes = {
+            "method": self.method,
+            "why": self.why,
+            "evaluations": self.evaluations,
+            "switches": self.switches,
+        }
         return xr.Dataset(variables, coordinates, attributes)
 
     def save(self, path: str | Path) -> Path:

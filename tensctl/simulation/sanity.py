@@ -16,7 +16,7 @@ from jaxtyping import Float
 from tensctl.model import Dynamics
 from tensctl.simulation.buckling import Buckling, buckling
 from tensctl.simulation.clearance import Clearance, Segments, clearance
-from tensctl.simulation.disturbance import Push
+from tensctl.simulation.loads import Load
 from tensctl.simulation.rod_forces import RodForces, rod_forces_along
 from tensctl.simulation.run import Run
 from tensctl.simulation.warn import MET, warnings_of
@@ -84,14 +84,14 @@ class Sanity:
         return float(self.slack.max()), float(self.time[self.slack.argmax()])
 
 
-def inspect_run(dynamics: Dynamics, run: Run, *, pushes: Sequence[Push] = ()) -> Sanity:
+def inspect_run(dynamics: Dynamics, run: Run, *, pushes: Sequence[Load] = ()) -> Sanity:
     """Look over a run: clearance of rods and tendons, forces along rods, buckling, slack tendons.
 
     Parameters
     ----------
     dynamics : Dynamics
     run : Run
-    pushes : sequence of Push
+    pushes : sequence of Push, Wave or History
         Those that the run was given; they act on the rods' ends.
 
     Returns

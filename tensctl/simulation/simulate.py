@@ -1,7 +1,10 @@
 """What then happens: the nonlinear structure over time, alone or under a controller.
 
 The controller is asked every `dt`; rest lengths ramp from where they are to its command, which they reach at the end of
-the period, no faster than `rate_max` and never below their floors.
+the period, no faster than `rate_max` and never below their floors; with actuator lag they follow that ramp.
+
+Integrators stop at edges only: control samples and times at which a load begins, bends or ends. Recorded times in between
+are filled in, so recording does not change the motion.
 """
 
 from __future__ import annotations
@@ -13,11 +16,14 @@ import numpy as np
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
+from tensctl.simulation.actuators import Actuators
 from tensctl.simulation.controller import Controller
-from tensctl.simulation.disturbance import Disturbances, Push
-from tensctl.simulation.moving import Moving, Start
-from tensctl.simulation.plant import Method
+from tensctl.simulation.integrators import Method, choose_integrator
+from tensctl.simulation.loads import Load, Loads
+from tensctl.simulation.moving import Moving, Start, started
 from tensctl.simulation.run import Run
+from tensctl.simulation.schedule import Schedule, planned
+from tensctl.simulation.state import state_at
 
 # Control period, s, of a controller that names none: the scene's own default.
 _PERIOD = 0.02
@@ -39,8 +45,9 @@ def simulate(
     t_end: float | None = None,
     timepts: Sequence[float] | np.ndarray | None = None,
     dt: float | None = None,
-    rate_max: float = np.inf,
-    pushes: Sequence[Push] = (),
+    rate_max: float | None = None,
+    pushes: Sequence[Load] = (),
+    schedule: Sequence[Schedule] = (),
     method: Method = "auto",
     tol: float = 1e-10,
     progress: Counter | None = None,
@@ -60,38 +67,45 @@ def simulate(
         Times to record; every control sample, or 500 steps without a controller, by default.
     dt : float, s, optional
         Control period; the controller's own `dt` by default, 0.02 s when it has none.
-    rate_max : float, m/s
-        Fastest that a rest length can change.
-    pushes : sequence of Push
-    method : "auto", "splitting4", "dopri5"
+    rate_max : float, m/s, optional
+        Fastest that a command can change a rest length; the scene's `actuators.rate_max` by default.
+    pushes : sequence of Push, Wave or History
+        Forces on nodes over time.
+    schedule : sequence of Schedule
+        Rest-length changes planned ahead, for runs without a controller.
+    method : "auto", "splitting2", "splitting4", "splitting6", "dopri5"
+        "auto" takes what fits the scene's damping and size; `Run.why` says why.
     tol : float
-        Accuracy wanted, over the size of the structure and a second: sets the step of the splitting integrator, and a
-        hundredth of it is the error allowed in a step of the adaptive one.
+        Accuracy wanted, over the size of the structure and a second: sets the step of the splittings, and a
+        hundredth of it is the error allowed in a step of the adaptive method.
 
     Raises
     ------
     SimulationError
         A start, time or controller that does not fit, or a motion that cannot be followed.
     """
+    rate_max = dynamics.members.rate_max if rate_max is None else rate_max
     _check(tol, rate_max, method, controller)
     times = _times(t_end, timepts, controller, dt)
-    moving = Moving(dynamics, start, method, tol)
-    forces = Disturbances(dynamics, pushes)
+    nodes, velocities, rest = started(dynamics, start)
+    state = state_at(dynamics, nodes, velocities)
+    actuators = Actuators(dynamics.members, rest, rate_max)
+    plan = planned(dynamics, schedule, actuators, controller is not None)
+    moving = Moving(dynamics, choose_integrator(dynamics, method, tol), state, actuators, pushes, times)
     period = None if controller is None else _period(controller, dt)
     if controller is not None:
         controller.reset()
-    edges = _edges(times, forces.edges, period)
+    edges = _edges(times, np.concatenate([Loads(dynamics, pushes).edges, plan.edges]), period)
     is_sample = np.zeros(edges.size, bool) if period is None else _samples(edges, period)
-    is_record = np.isin(edges, times)
+    moving.begin(edges[0])
     for k, t in enumerate(edges):
         if controller is not None and is_sample[k] and period is not None:
-            moving.command(controller, t, period, rate_max)
+            moving.command(controller, t, period)
             if progress is not None:
                 progress.advance()
-        if is_record[k]:
-            moving.record(t, controller)
         if k + 1 < edges.size:
-            moving.advance(t, edges[k + 1], forces.at(0.5 * (t + edges[k + 1])))
+            plan.follow(actuators, t, edges[k + 1])
+            moving.advance(t, edges[k + 1])
     return moving.finished(controller)
 
 
@@ -139,15 +153,15 @@ def _period(controller: Controller, dt: float | None) -> float:
     return float(period)
 
 
-def _edges(times: np.ndarray, pushes: np.ndarray, period: float | None) -> np.ndarray:
-    """Every time at which something changes or is recorded, merged when they differ by rounding only."""
+def _edges(times: np.ndarray, others: np.ndarray, period: float | None) -> np.ndarray:
+    """Every time at which something changes; one that differs from a recorded time by rounding only is that time."""
     end = times[-1]
     samples = np.zeros(0) if period is None else period * np.arange(control_steps(end, period))
-    rest = np.concatenate([[0.0], samples, pushes])
-    rest = rest[rest <= end * (1 + 1e-12)]
-    near = np.abs(rest[:, None] - times[None]).min(axis=1, initial=np.inf) <= 1e-12 * max(end, 1e-300)
-    merged = np.unique(np.concatenate([times, rest[~near]]))
-    return merged[np.concatenate([[True], np.diff(merged) > 1e-12 * max(end, 1e-300)])]
+    edges = np.unique(np.concatenate([[0.0], samples, others]))
+    edges = np.append(edges[edges < end], end)
+    nearest = times[np.abs(times[:, None] - edges[None]).argmin(axis=0)]
+    edges = np.unique(np.where(np.abs(nearest - edges) <= 1e-12 * max(end, 1e-300), nearest, edges))
+    return edges[np.concatenate([[True], np.diff(edges) > 1e-12 * max(end, 1e-300)])]
 
 
 def _samples(edges: np.ndarray, period: float) -> np.ndarray:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Law = Literal["k", "EA"]
 T = TypeVar("T")
+_LOADS = ("push", "wave", "history")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,10 @@ class Members:
         Tendons whose rest length a control may change and which move something.
     actuated : (nt,) bool
         Tendons that have an actuator, acting or not.
+    rate_max : float, m/s
+        Fastest that a command changes a rest length.
+    lag : float, s
+        Time constant tau of the actuators, du/dt = (command - u)/tau; 0 without lag.
     pushed : (nw,) int
         Nodes on which a disturbance acts.
     radius : (nr,) m
@@ -69,6 +74,8 @@ class Members:
     pushed: Int[np.ndarray, " pushed"]
     radius: Float[np.ndarray, " rods"]
     EI: Float[np.ndarray, " rods"]
+    rate_max: float = np.inf
+    lag: float = 0.0
 
     @property
     def damped(self) -> bool:
@@ -115,6 +122,8 @@ def build_members(scene: Scene, structure: Structure) -> Members:
         pushed=_pushed(scene, structure),
         radius=by_label(structure.rod_labels, scene.rods.radius, "rods.radius", default=0.0),
         EI=by_label(structure.rod_labels, EI, "rods.EI", default=np.inf),
+        rate_max=np.inf if scene.actuators.rate_max is None else scene.actuators.rate_max,
+        lag=scene.actuators.lag,
     )
 
 
@@ -173,6 +182,7 @@ def _forces(scene: Scene, structure: Structure, mass: np.ndarray, gravity: np.nd
 
 
 def _pushed(scene: Scene, structure: Structure) -> np.ndarray:
-    pushes = () if scene.simulation is None else scene.simulation.push
-    nodes = [matches(structure.node_labels, push.node, "simulation.push.node") for push in pushes]
+    asked = scene.simulation
+    loads = () if asked is None else [(kind, load) for kind in _LOADS for load in getattr(asked, kind)]
+    nodes = [matches(structure.node_labels, load.node, f"simulation.{kind}.node") for kind, load in loads]
     return np.unique(np.array([i for found in nodes for i in found], int))

@@ -1,0 +1,64 @@
+"""Rest lengths that follow commands: ramps, a rate limit, a floor, and first-order lag.
+
+    c ramps to each command within its period, |dc/dt| <= rate_max, c >= floor;   dL/dt = (c - L)/tau,  or L = c without lag
+
+Between edges c is a straight line, so L is one plus an exponential, exactly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.structure import Members
+
+
+class Actuators:
+    """Rest lengths of all tendons and what is asked of them.
+
+    Attributes
+    ----------
+    rest : (nt,) m
+        Rest lengths now.
+    asked : (nt,) m
+        Commanded rest lengths now.
+    rate : (nt,) m/s
+        How the command ramps until the next one.
+    rate_max : float, m/s
+    """
+
+    def __init__(self, members: Members, rest: Float[np.ndarray, " tendons"], rate_max: float) -> None:
+        self._members, self.rate_max, self._tau = members, rate_max, members.lag
+        self.rest, self.asked, self.rate = rest.copy(), rest.copy(), np.zeros_like(rest)
+
+    @property
+    def inputs(self) -> Float[np.ndarray, " inputs"]:
+        """Rest-length changes u of the acting tendons, m."""
+        return (self._members.rest_lengths - self.rest)[self._members.inputs]
+
+    @property
+    def asked_inputs(self) -> Float[np.ndarray, " inputs"]:
+        """Rest-length changes of the acting tendons as commanded now, m."""
+        return (self._members.rest_lengths - self.asked)[self._members.inputs]
+
+    def command(self, u: Float[np.ndarray, " inputs"], period: float) -> None:
+        """From now on ramp to the total change u, to be reached after a period."""
+        members, acting = self._members, self._members.inputs
+        wanted = np.maximum(members.rest_lengths[acting] - u, members.floors[acting])
+        reach = self.rate_max * period
+        self.rate = np.zeros_like(self.rest)
+        self.rate[acting] = np.clip(wanted - self.asked[acting], -reach, reach) / period
+
+    def lag(self) -> Float[np.ndarray, " tendons"]:
+        """Amplitude of the exponential by which rest lengths approach their ramp, m."""
+        return self.asked - self.rest - self._tau * self.rate if self._tau > 0 else np.zeros_like(self.rest)
+
+    def after(self, seconds: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t tendons"]:
+        """Rest lengths some time from now."""
+        share = -np.expm1(-seconds / self._tau) if self._tau > 0 else np.zeros_like(seconds)
+        return self.rest + seconds[:, None] * self.rate + share[:, None] * self.lag()
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass."""
+        self.rest = self.after(np.array([seconds]))[0]
+        self.asked = self.asked + seconds * self.rate

@@ -1,0 +1,58 @@
+"""What every integrator is: it moves rods through given times under given inputs, and records them there."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from tensctl.simulation.drive import Drive
+
+
+class Integrator(Protocol):
+    """Moves the rods' state through times.
+
+    Attributes
+    ----------
+    name : str
+    evaluations, switches : int
+        Right-hand sides computed, and slack-taut switches seen to, so far.
+    """
+
+    evaluations: int
+    switches: int
+
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        ...
+
+    def march(
+        self, q: np.ndarray, v: np.ndarray, times: np.ndarray, drive: Drive, out_q: np.ndarray, out_v: np.ndarray
+    ) -> None:
+        """Move q and v, (nr, 6), in place from times[0] to times[-1] and write row k of out_q and out_v at times[k].
+
+        Row 0 is not written: the state there is known to whoever asks.
+
+        Raises
+        ------
+        SimulationError
+            When the motion cannot be followed, with what to try.
+        """
+        ...
+
+
+class Stepwise:
+    """Records by stopping at every time: for methods that have no states between their steps."""
+
+    def advance(self, q: np.ndarray, v: np.ndarray, t0: float, t1: float, drive: Drive) -> None:
+        """Move q and v in place from t0 to t1."""
+        raise NotImplementedError
+
+    def march(
+        self, q: np.ndarray, v: np.ndarray, times: np.ndarray, drive: Drive, out_q: np.ndarray, out_v: np.ndarray
+    ) -> None:
+        """Stop at each time."""
+        for k in range(1, times.size):
+            self.advance(q, v, times[k - 1], times[k], drive)
+            out_q[k], out_v[k] = q, v

@@ -1,0 +1,67 @@
+"""Which integrator fits a scene, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tensctl.errors import SimulationError
+from tensctl.model import Dynamics
+from tensctl.simulation.integrators.base import Integrator
+from tensctl.simulation.integrators.rate import fastest_rate
+from tensctl.simulation.integrators.tables import Order
+
+Method = Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5"]
+
+_ORDERS: dict[str, Order] = {"splitting2": 2, "splitting4": 4, "splitting6": 6}
+# Above this tolerance a step of order 4 is as long as one of order 6, for half the forces.
+_LOOSE = 1e-4
+# Landing on a switch costs two or three steps of the whole structure, and the number of switches grows with it: with more
+# tendons than this, switches are passed over unless the tolerance asks for more than order 2 can give.
+_MANY, _MODEST = 1000, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """An integrator, and the sentence that says why it was taken."""
+
+    integrator: Integrator
+    why: str
+
+
+def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Choice:
+    """The integrator asked for, or for "auto" the one that fits the scene's damping, size and tolerance.
+
+    Raises
+    ------
+    SimulationError
+        A method asked for that cannot move the scene.
+    """
+    why = "asked for"
+    if method == "auto":
+        method, why = _fitting(dynamics, tol)
+    rate = fastest_rate(dynamics)
+    if method in _ORDERS:
+        return Choice(_splitting(dynamics, _ORDERS[method], tol, rate), why)
+    from tensctl.simulation.integrators.dormand_prince import DormandPrince
+
+    return Choice(DormandPrince(dynamics, tol, rate), why)
+
+
+def _fitting(dynamics: Dynamics, tol: float) -> tuple[Method, str]:
+    if dynamics.damped:
+        return "dopri5", "dampers or drag take energy out, so nothing is gained by a symplectic method"
+    if tol >= _LOOSE:
+        return "splitting4", f"nothing takes energy out, and tol = {tol:g} is loose"
+    return "splitting6", "nothing takes energy out: symplectic steps, exact for rods between forces"
+
+
+def _splitting(dynamics: Dynamics, order: Order, tol: float, rate: float) -> Integrator:
+    from tensctl.simulation.integrators.splitting import Splitting
+
+    if dynamics.damped:
+        raise SimulationError(
+            f"splitting{order} moves undamped scenes only, and this one has dampers or drag; use dopri5."
+        )
+    locate = len(dynamics.structure.tendons) <= _MANY or tol < _MODEST
+    return Splitting.fitted(dynamics, order, tol, rate, locate=locate)

@@ -1,0 +1,45 @@
+"""A bound on every frequency that a structure can have at rest, from its tendons' stiffness and its loads."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse.linalg as spl
+
+from tensctl.elements import scatter_blocks
+from tensctl.model import Dynamics
+
+
+def fastest_rate(dynamics: Dynamics) -> float:
+    """A bound on every frequency that the structure can have at rest, rad/s.
+
+    Every tendon counts as taut and as stiff across as along: T/l across is less than k while rest lengths are positive.
+    Loads swing a rod with at most omega^2 = 3 f / (m rho).
+    """
+    squared = _stiffest(dynamics) + _heaviest(dynamics)
+    return float(np.sqrt(squared)) if squared > 0 else 1.0
+
+
+def _stiffest(dynamics: Dynamics) -> float:
+    """Largest eigenvalue of the tendons' bound, rad^2/s^2, by Lanczos iteration."""
+    structure, members, manifold = dynamics.structure, dynamics.members, dynamics.potential.manifold
+    if manifold.size == 0 or not len(structure.tendons):
+        return 0.0
+    stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
+    blocks = stiffness[:, None, None] * np.eye(3)
+    tangent = manifold.tangent(structure.nodes)
+    root = 1 / np.sqrt(manifold.mass(members.mass))
+    matrix = tangent.T @ scatter_blocks(structure.tendons, blocks, len(structure.nodes)) @ tangent
+    scaled = matrix.multiply(root).multiply(root[:, None]).tocsr()
+    if manifold.size < 4:
+        return float(np.abs(np.linalg.eigvalsh(scaled.toarray())).max())
+    start = np.ones(manifold.size)
+    return float(spl.eigsh(scaled, k=1, v0=start, tol=1e-2, return_eigenvectors=False)[0])
+
+
+def _heaviest(dynamics: Dynamics) -> float:
+    """Largest of 3 f / (m rho) over moving rods, rad^2/s^2."""
+    members, manifold = dynamics.members, dynamics.potential.manifold
+    loads = np.linalg.norm(members.forces, axis=1)[manifold.rods].sum(axis=1)
+    moving = manifold.moving
+    lever = 0.5 * manifold.lengths[moving]
+    return float((3 * loads[moving] / (members.mass[moving] * lever)).max(initial=0.0))

@@ -1,0 +1,89 @@
+"""What is kept of a run while it goes on: rods' states and rest lengths; all else follows from them at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.model import Dynamics
+from tensctl.structure import Structure
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Recorded motion with everything that follows from it.
+
+    Attributes
+    ----------
+    time : (t,) s
+    nodes, velocities : (t, N, 3) m, m/s
+    lengths, tensions, rest_lengths : (t, nt) m, N, m
+    inputs : (t, nu) m
+    status : (t,) str
+    """
+
+    time: Float[np.ndarray, " t"]
+    nodes: Float[np.ndarray, "t nodes 3"]
+    velocities: Float[np.ndarray, "t nodes 3"]
+    lengths: Float[np.ndarray, "t tendons"]
+    tensions: Float[np.ndarray, "t tendons"]
+    rest_lengths: Float[np.ndarray, "t tendons"]
+    inputs: Float[np.ndarray, "t inputs"]
+    status: np.ndarray
+
+
+class Record:
+    """Room for the states at given times, filled from front to back."""
+
+    def __init__(self, times: np.ndarray, rods: int, tendons: int) -> None:
+        self.times = times
+        self._q, self._v = (np.empty((times.size, rods, 6)) for _ in range(2))
+        self._rest = np.empty((times.size, tendons))
+        self._status = np.full(times.size, "", object)
+
+    def between(self, t0: float, t1: float) -> slice:
+        """Rows of the times after t0 up to t1."""
+        return slice(*np.searchsorted(self.times, [t0, t1], side="right"))
+
+    def put(self, rows: slice, q: np.ndarray, v: np.ndarray, rest: np.ndarray, status: str) -> None:
+        """Keep some rows."""
+        self._q[rows], self._v[rows], self._rest[rows], self._status[rows] = q, v, rest, status
+
+    def motion(self, dynamics: Dynamics) -> Motion:
+        """Nodes, lengths and tensions of all rows."""
+        structure, members = dynamics.structure, dynamics.members
+        nodes = placed(structure, self._q, structure.nodes)
+        velocities = placed(structure, self._v, np.zeros_like(structure.nodes))
+        ends = structure.tendons
+        length = np.linalg.norm(nodes[:, ends[:, 1]] - nodes[:, ends[:, 0]], axis=2)
+        return Motion(
+            self.times, nodes, velocities, length,
+            tensions_at(dynamics, nodes, velocities, length, self._rest), self._rest,
+            (members.rest_lengths - self._rest)[:, members.inputs], self._status.astype(str),
+        )  # fmt: skip
+
+
+def placed(structure: Structure, q: Float[np.ndarray, "t rods 6"], base: Float[np.ndarray, "nodes 3"]) -> np.ndarray:
+    """Nodes (t, N, 3) of rod coordinates; nodes without a moving rod, and held ends, stay at `base`."""
+    nodes = np.repeat(base[None], len(q), axis=0)
+    nodes[:, structure.rods[:, 0]] = 0.5 * (q[..., :3] - q[..., 3:])
+    nodes[:, structure.rods[:, 1]] = 0.5 * (q[..., :3] + q[..., 3:])
+    nodes[:, structure.pinned] = base[structure.pinned]
+    return nodes
+
+
+def tensions_at(
+    dynamics: Dynamics, nodes: np.ndarray, velocities: np.ndarray, length: np.ndarray, rest: np.ndarray
+) -> Float[np.ndarray, "t tendons"]:
+    """Tensions of recorded states, (t, nt) N: the tendon's law with its damper."""
+    members, tendons = dynamics.members, dynamics.structure.tendons
+    stiffness = members.stiffness if members.law == "k" else members.stiffness / rest
+    tension = stiffness * (length - rest)
+    if dynamics.damping.any():
+        d, rate = (a[:, tendons[:, 1]] - a[:, tendons[:, 0]] for a in (nodes, velocities))
+        closing = np.einsum("tki,tki->tk", d, rate) / np.where(length > 0, length, 1.0)
+        tension = tension + dynamics.damping * closing
+    least = 0.0 if dynamics.clamped else -np.inf
+    return np.where(length > rest, np.maximum(tension, least), 0.0)

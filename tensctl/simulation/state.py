@@ -1,0 +1,43 @@
+"""From nodes to the rods' state, checked: a run starts from nodes and velocities that the structure can have."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SimulationError
+from tensctl.model import Dynamics
+
+
+def state_at(
+    dynamics: Dynamics, nodes: Float[np.ndarray, "nodes 3"], velocities: Float[np.ndarray, "nodes 3"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rod coordinates and rates, (nr, 6) each.
+
+    Raises
+    ------
+    SimulationError
+        Nodes that do not fit the structure: wrong shape, a rod of another length, a pinned node moved, or
+        velocities that stretch a rod.
+    """
+    structure = dynamics.structure
+    for name, array in (("nodes", nodes), ("velocities", velocities)):
+        if array.shape != structure.nodes.shape or not np.isfinite(array).all():
+            raise SimulationError(f"start {name} have shape {array.shape}; finite {structure.nodes.shape} is expected.")
+    q, v = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities)
+    stretch = np.abs(np.linalg.norm(q[:, 3:], axis=1) / structure.rod_lengths - 1)
+    if stretch.max(initial=0.0) > 1e-9:
+        worst = int(stretch.argmax())
+        raise SimulationError(
+            f"rod {structure.rod_labels[worst]} starts {stretch[worst]:.1e} of its length too long or short; "
+            "rods are rigid, so start from nodes with the structure's rod lengths."
+        )
+    moved = np.abs(nodes - structure.nodes)[structure.pinned].max(initial=0.0)
+    moved = max(moved, np.abs(velocities)[structure.pinned].max(initial=0.0))
+    if moved > 1e-9 * np.ptp(structure.nodes, axis=0).max():
+        raise SimulationError("a pinned node is moved at the start; pinned nodes stay where the structure has them.")
+    along = np.abs(np.einsum("ri,ri->r", q[:, 3:], v[:, 3:])) / structure.rod_lengths
+    speed = np.linalg.norm(v[:, 3:], axis=1).max(initial=0.0)
+    if along.max(initial=0.0) > 1e-9 * max(speed, 1e-300) and speed > 0:
+        raise SimulationError("the start velocities stretch a rod; give velocities of rigid rods.")
+    return q, v
