@@ -21,9 +21,9 @@ _NOTHING = 1e-300
 class KernelData(NamedTuple):
     """Topology and coefficients as flat arrays, the only argument that describes the structure.
 
-    Nodal arrays are flat, (3N,). `tail_at`, `head_at` and the rods' are places in them, 3 node; unsigned, since an index
-    that may be negative costs a comparison at every access (6 instead of 4.5 ns a tendon).
-    `clamped` holds a damped tendon at T >= 0; without it a taut damper may push, as STEDY has it.
+    Nodal arrays are flat, (3N,). `tail_at`, `head_at` and the rods' are places in them, 3 node; unsigned, since an
+    index that may be negative costs a comparison at every access (6 instead of 4.5 ns a tendon). `clamped` holds a
+    damped tendon at T >= 0; without it a taut damper may push, as STEDY has it.
     """
 
     tail: np.ndarray

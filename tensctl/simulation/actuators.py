@@ -1,6 +1,6 @@
 """Rest lengths that follow commands: ramps, a rate limit, a floor, and first-order lag.
 
-    c ramps to each command within its period, |dc/dt| <= rate_max, c >= floor;   dL/dt = (c - L)/tau,  or L = c without lag
+    c ramps to each command within its period, |dc/dt| <= rate_max, c >= floor;   dL/dt = (c - L)/tau, or L = c
 
 Between edges c is a straight line, so L is one plus an exponential, exactly.
 """

@@ -46,6 +46,7 @@ class Moving:
         self._actuators.command(u, period)
         records = _records(controller)
         self._status = records[-1].status if records else "ok"
+        self._record.mark(t, self._status)
 
     def begin(self, t: float) -> None:
         """Record the start, when it is asked for."""

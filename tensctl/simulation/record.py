@@ -51,6 +51,10 @@ class Record:
         """Keep some rows."""
         self._q[rows], self._v[rows], self._rest[rows], self._status[rows] = q, v, rest, status
 
+    def mark(self, t: float, status: str) -> None:
+        """Say what a controller said at time t, when that is kept."""
+        self._status[self.times == t] = status
+
     def motion(self, dynamics: Dynamics) -> Motion:
         """Nodes, lengths and tensions of all rows."""
         structure, members = dynamics.structure, dynamics.members

@@ -99,7 +99,7 @@ def planned(dynamics: Dynamics, schedule: Sequence[Schedule], actuators: Actuato
                 raise SimulationError(f"tendon {labels[tendon]} has two schedules; give one.")
             room = members.rest_lengths[tendon] - members.floors[tendon]
             change = np.minimum(np.asarray(entry.change, float), room)
-            path = limited(np.asarray(entry.times, float), change, start[place[0]], actuators.rate_max)
+            path = limited(np.asarray(entry.times, float), change, float(start[place[0]]), actuators.rate_max)
             corners[int(place[0])] = (int(place[0]), *path)
     return Plan(tuple(corners.values()))
 

@@ -3,8 +3,8 @@
 The controller is asked every `dt`; rest lengths ramp from where they are to its command, which they reach at the end of
 the period, no faster than `rate_max` and never below their floors; with actuator lag they follow that ramp.
 
-Integrators stop at edges only: control samples and times at which a load begins, bends or ends. Recorded times in between
-are filled in, so recording does not change the motion.
+Integrators stop at edges only: control samples, and times at which a load begins, bends or ends. Recorded times in
+between are filled in, so recording does not change the motion.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """States between two steps: the quintic that has positions, velocities and accelerations at both ends.
 
-Its error is (omega h)^6 / 46080 of an oscillation of frequency omega, below that of a step of order 5, so a recorded time
-need not be stepped on, and recording does not change the motion.
+Its error is (omega h)^6 / 46080 of an oscillation of frequency omega, below that of a step of order 5, so a recorded
+time need not be stepped on, and recording does not change the motion.
 """
 
 from __future__ import annotations

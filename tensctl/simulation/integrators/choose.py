@@ -16,8 +16,8 @@ Method = Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5"]
 _ORDERS: dict[str, Order] = {"splitting2": 2, "splitting4": 4, "splitting6": 6}
 # Above this tolerance a step of order 4 is as long as one of order 6, for half the forces.
 _LOOSE = 1e-4
-# Landing on a switch costs two or three steps of the whole structure, and the number of switches grows with it: with more
-# tendons than this, switches are passed over unless the tolerance asks for more than order 2 can give.
+# Landing on a switch costs two or three steps of the whole structure, and the number of switches grows with it: with
+# more tendons than this, switches are passed over unless the tolerance asks for more than order 2 can give.
 _MANY, _MODEST = 1000, 1e-6
 
 

@@ -1,6 +1,6 @@
 """Exact motion of rods on which nothing acts, and the kick of a force: the two flows that splittings compose.
 
-    flight   q1 += h v1,   q2 <- c q2 + h s v2,   v2 <- c v2 - (x/h) (x s) q2,    x = h |v2| / L,  c = cos x,  s = sin x / x
+    flight   q1 += h v1,   q2 <- c q2 + h s v2,   v2 <- c v2 - (x^2 s/h) q2,   x = h |v2|/L,  c = cos x,  s = sin x/x
     kick     v += h a(q)
 
 Both cosine and sine are power series in x^2, so short flights need neither a square root nor a division.

@@ -62,7 +62,8 @@ class Scratch(NamedTuple):
 
 def moment(rods: int, tendons: int) -> Moment:
     """Room for one moment."""
-    return Moment(*(np.zeros((rods, 6)) for _ in range(3)), np.zeros(tendons), np.zeros(tendons))
+    q, v, push = (np.zeros((rods, 6)) for _ in range(3))
+    return Moment(q, v, push, np.zeros(tendons), np.zeros(tendons))
 
 
 def scratch(anchor: np.ndarray, rest: np.ndarray, load: np.ndarray, *, frozen: bool) -> Scratch:

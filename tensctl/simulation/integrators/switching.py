@@ -3,10 +3,10 @@
     s = gap for a slack tendon, -gap for a taut one: a tendon is on its side while s <= band
 
 After a step with frozen springs the tendons with s > band have left their side. The one that left first is followed by
-safeguarded Newton steps on the step length, each a whole step from the same start, until s = 0; others that left before
-it are taken in its place. Then it changes over, and with it every tendon within its band that moves outward, so that a
-symmetric motion changes over as one. The band is 1e-9 of the rest length: a tendon that stays on the wrong side of it costs
-an impulse of k band^2 / speed only, and rounding cannot make a tendon change over and back for ever.
+safeguarded Newton steps on the step length, each a whole step from the same start, until s = 0; others that left
+before it are taken in its place. Then it changes over, and with it every tendon within its band that moves outward, so
+that a symmetric motion changes over as one. The band is 1e-9 of the rest length: a tendon that stays on the wrong side
+of it costs an impulse of k band^2 / speed only, and rounding cannot make a tendon change over and back for ever.
 """
 
 from __future__ import annotations
