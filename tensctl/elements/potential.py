@@ -16,7 +16,7 @@ from jaxtyping import Float
 from tensctl.elements.assembly import TendonTerms, tendon_terms
 from tensctl.elements.jointed import JointedManifold
 from tensctl.elements.manifold import RodManifold
-from tensctl.structure import Members, Structure, build_members, build_structure, lengths
+from tensctl.structure import Members, Structure, build_members, build_structure, lengths, refuse_cables
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene
@@ -38,6 +38,7 @@ class Potential:
     def of(cls, scene: Scene) -> Potential:
         """The potential of a scene."""
         structure = build_structure(scene)
+        refuse_cables(structure, "where such a structure rests cannot be found yet", "give each piece its own tendon")
         members = build_members(scene, structure)
         if structure.jointed:
             return cls(structure, members, JointedManifold.of(structure, members.mass))

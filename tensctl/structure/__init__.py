@@ -1,6 +1,7 @@
 """What is built: nodes, rods, tendons and the ground, from a recipe or by hand."""
 
 from tensctl.structure.build import build_structure
+from tensctl.structure.cables import refuse_cables
 from tensctl.structure.labels import by_label, matches, select
 from tensctl.structure.members import Law, Members, build_members
 from tensctl.structure.network import network
@@ -19,6 +20,7 @@ __all__ = [
     "matches",
     "network",
     "prism",
+    "refuse_cables",
     "select",
     "shell",
 ]

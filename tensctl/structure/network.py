@@ -22,7 +22,8 @@ def network(nodes: Nodes, rods: Members, tendons: Members, pins: Iterable[str | 
     nodes : table name -> [x, y, z], or (N, 3) array, m
         Nodes of an array are named `1`, `2`, ...
     rods, tendons : table name -> [tail, head], or (k, 2) array of indices from 0
-        Members of an array are named `r1`, ... and `t1`, ...
+        Members of an array are named `r1`, ... and `t1`, ... A tendon of more than two nodes, [tail, ..., head], is a
+        cable that runs through those between without friction.
     pins : iterable
         Labels, patterns or indices of nodes held by the ground.
 
@@ -32,17 +33,19 @@ def network(nodes: Nodes, rods: Members, tendons: Members, pins: Iterable[str | 
         A member that names an unknown node, or any rule of `Structure.verify`.
     """
     node_labels, points = _points(nodes)
-    rod_labels, rod_ends = _members(rods, node_labels, "r", "rod")
-    tendon_labels, tendon_ends = _members(tendons, node_labels, "t", "tendon")
+    rod_labels, rod_nodes = _members(rods, node_labels, "r", "rod")
+    tendon_labels, tendon_nodes = _members(tendons, node_labels, "t", "tendon")
+    vias = tuple(tuple(named[1:-1]) for named in tendon_nodes)
     held = [node_labels[p] if isinstance(p, int | np.integer) else p for p in pins]
     structure = Structure(
         nodes=points,
-        rods=rod_ends,
-        tendons=tendon_ends,
+        rods=_ends(rod_nodes),
+        tendons=_ends(tendon_nodes),
         node_labels=node_labels,
         rod_labels=rod_labels,
         tendon_labels=tendon_labels,
         pinned=select(node_labels, held, "pins"),
+        vias=vias if any(vias) else (),
     )
     structure.verify()
     return structure
@@ -57,26 +60,28 @@ def _points(nodes: Nodes) -> tuple[tuple[str, ...], np.ndarray]:
     return tuple(labels), points
 
 
-def _members(members: Members, node_labels, prefix: str, noun: str) -> tuple[tuple[str, ...], np.ndarray]:
+def _members(members: Members, node_labels, prefix: str, noun: str) -> tuple[tuple[str, ...], list[list[int]]]:
     if isinstance(members, Mapping):
-        names, pairs = list(members.keys()), list(members.values())
+        names, given = list(members.keys()), list(members.values())
     else:
-        pairs = [list(pair) for pair in np.asarray(members, int).reshape(-1, 2).tolist()]
-        names = [f"{prefix}{k + 1}" for k in range(len(pairs))]
+        given = [[int(i) for i in nodes] for nodes in members]
+        names = [f"{prefix}{k + 1}" for k in range(len(given))]
     index = {label: i for i, label in enumerate(node_labels)}
-    ends = [_ends(name, pair, index, noun) for name, pair in zip(names, pairs, strict=True)]
-    return tuple(names), np.array(ends, int).reshape(-1, 2)
+    return tuple(names), [_nodes_of(name, nodes, index, noun) for name, nodes in zip(names, given, strict=True)]
 
 
-def _ends(name: str, pair: Sequence[str | int], index: Mapping[str, int], noun: str) -> list[int]:
-    if len(pair) != 2:
-        raise StructureError(
-            f"{noun} {name} names {len(pair)} nodes; exactly two are supported yet, a tail and a head."
-        )
-    ends = []
-    for end in pair:
-        position = index.get(end, -1) if isinstance(end, str) else int(end)
+def _ends(members: list[list[int]]) -> np.ndarray:
+    return np.array([(nodes[0], nodes[-1]) for nodes in members], int).reshape(-1, 2)
+
+
+def _nodes_of(name: str, named: Sequence[str | int], index: Mapping[str, int], noun: str) -> list[int]:
+    if len(named) < 2 or (noun == "rod" and len(named) > 2):
+        wanted = "two, a tail and a head" if noun == "rod" else "at least a tail and a head"
+        raise StructureError(f"{noun} {name} names {len(named)} nodes; {wanted}, are expected.")
+    places = []
+    for node in named:
+        position = index.get(node, -1) if isinstance(node, str) else int(node)
         if not 0 <= position < len(index):
-            raise StructureError(f"{noun} {name} ends at node {end}, which is not among the {len(index)} nodes.")
-        ends.append(position)
-    return ends
+            raise StructureError(f"{noun} {name} ends at node {node}, which is not among the {len(index)} nodes.")
+        places.append(position)
+    return places

@@ -6,11 +6,13 @@ Member vectors point from tail to head: d = p_head - p_tail ([S] 2.1, [W] sectio
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from tensctl.errors import StructureError
+from tensctl.structure.cables import Path, check_tendons, paths_of, segments_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +28,8 @@ class Structure:
     node_labels, rod_labels, tendon_labels : tuples of str
     pinned : (N,) bool array
         Nodes held by the ground in every direction.
+    vias : one tuple of node indices a tendon, or empty
+        The nodes that a cable runs through between its tail and its head; none for a tendon of two nodes.
     """
 
     nodes: Float[np.ndarray, "nodes 3"]
@@ -35,6 +39,7 @@ class Structure:
     rod_labels: tuple[str, ...]
     tendon_labels: tuple[str, ...]
     pinned: Bool[np.ndarray, " nodes"]
+    vias: tuple[Path, ...] = ()
 
     @property
     def rod_vectors(self) -> Float[np.ndarray, "rods 3"]:
@@ -49,12 +54,43 @@ class Structure:
     @property
     def tendon_lengths(self) -> Float[np.ndarray, " tendons"]:
         """Tendon lengths at the initial nodes, m."""
-        return lengths(self.nodes, self.tendons)
+        return self.lengths_at(self.nodes)
+
+    @property
+    def has_cables(self) -> bool:
+        """Whether a tendon runs through more than two nodes."""
+        return any(self.vias)
+
+    @cached_property
+    def paths(self) -> tuple[Path, ...]:
+        """All nodes of every tendon, from tail to head."""
+        return paths_of(self.tendons, self.vias)
+
+    @cached_property
+    def segments(self) -> Int[np.ndarray, "segments 2"]:
+        """Pieces of tendons from node to node, in order of the tendons; without cables the tendons themselves."""
+        return segments_of(self.paths)[0] if self.has_cables else self.tendons
+
+    @cached_property
+    def segment_tendon(self) -> Int[np.ndarray, " segments"]:
+        """The tendon that each segment is a piece of."""
+        return segments_of(self.paths)[1] if self.has_cables else np.arange(len(self.tendons))
+
+    def lengths_at(self, nodes: Float[np.ndarray, "*t nodes 3"]) -> Float[np.ndarray, "*t tendons"]:
+        """Tendon lengths at other nodes, m: of a cable the sum over its segments."""
+        ends = self.segments
+        each = np.linalg.norm(nodes[..., ends[:, 1], :] - nodes[..., ends[:, 0], :], axis=-1)
+        return self.over_segments(np.add, each) if self.has_cables else each
+
+    def over_segments(self, combine: np.ufunc, values: np.ndarray) -> np.ndarray:
+        """Values of segments, along the last axis, taken together to one a tendon."""
+        first = np.searchsorted(self.segment_tendon, np.arange(len(self.tendons)))
+        return combine.reduceat(values, first, axis=-1) if first.size else values
 
     @property
     def grounded_tendons(self) -> Bool[np.ndarray, " tendons"]:
-        """Tendons between two pinned nodes: their length never changes, so they move nothing."""
-        return np.asarray(self.pinned[self.tendons].all(axis=1))
+        """Tendons all of whose nodes are pinned: their length never changes, so they move nothing."""
+        return np.asarray(self.over_segments(np.logical_and, np.all(self.pinned[self.segments], axis=1)))
 
     @property
     def jointed(self) -> bool:
@@ -68,8 +104,8 @@ class Structure:
         return {
             "kind": "network",
             "nodes": {label: p.tolist() for label, p in zip(named, self.nodes, strict=True)},
-            "rods": _named_pairs(self.rod_labels, self.rods, named),
-            "tendons": _named_pairs(self.tendon_labels, self.tendons, named),
+            "rods": _named_nodes(self.rod_labels, self.rods, named),
+            "tendons": _named_nodes(self.tendon_labels, self.paths, named),
             "pins": [label for label, held in zip(named, self.pinned, strict=True) if held],
         }
 
@@ -83,7 +119,7 @@ class Structure:
         """
         _check_finite(self)
         _check_rods(self)
-        _check_tendons(self)
+        check_tendons(self)
         _check_nodes(self)
 
 
@@ -92,8 +128,8 @@ def lengths(nodes: Float[np.ndarray, "nodes 3"], members: Int[np.ndarray, "membe
     return np.linalg.norm(nodes[members[:, 1]] - nodes[members[:, 0]], axis=1)
 
 
-def _named_pairs(labels, members, node_labels) -> dict[str, list[str]]:
-    return {label: [node_labels[a], node_labels[b]] for label, (a, b) in zip(labels, members, strict=True)}
+def _named_nodes(labels, members, node_labels) -> dict[str, list[str]]:
+    return {label: [node_labels[i] for i in nodes] for label, nodes in zip(labels, members, strict=True)}
 
 
 def _check_finite(structure: Structure) -> None:
@@ -114,22 +150,6 @@ def _check_rods(structure: Structure) -> None:
             raise StructureError(
                 f"rod {label} has length {length:g} m between {names}; a rod needs two different places."
             )
-
-
-def _check_tendons(structure: Structure) -> None:
-    seen: dict[frozenset[int], str] = {}
-    for label, (a, b) in zip(structure.tendon_labels, structure.tendons, strict=True):
-        ends = frozenset((int(a), int(b)))
-        if len(ends) == 1:
-            raise StructureError(
-                f"tendon {label} starts and ends at {structure.node_labels[a]}; give two different nodes."
-            )
-        if ends in seen:
-            raise StructureError(
-                f"tendons {seen[ends]} and {label} join the same two nodes; "
-                "give one tendon with the sum of both stiffnesses."
-            )
-        seen[ends] = label
 
 
 def _check_nodes(structure: Structure) -> None:

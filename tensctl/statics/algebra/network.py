@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from tensctl.errors import StructureError
 from tensctl.statics.algebra.incidence_matrices import incidence
-from tensctl.structure import Structure
+from tensctl.structure import Structure, refuse_cables
 
 Pairs = np.ndarray | Sequence[Sequence[int]]
 
@@ -58,7 +58,13 @@ class Network:
         """The network of a structure: rods are bars, tendons are strings.
 
         Pins are not part of it: what the ground does to a pinned node is a load w like any other.
+
+        Raises
+        ------
+        StructureError
+            For a structure with cables.
         """
+        refuse_cables(structure, "a string of the network joins two nodes", "give each piece its own tendon")
         return cls.build(len(structure.nodes), structure.rods, structure.tendons)
 
     @property

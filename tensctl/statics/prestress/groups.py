@@ -15,7 +15,7 @@ import scipy.spatial
 from jaxtyping import Float, Int
 
 from tensctl.errors import StructureError
-from tensctl.structure import Structure
+from tensctl.structure import Structure, refuse_cables
 from tensctl.structure.labels import matches
 
 Groups = Sequence[str] | Mapping[str, Sequence[str]] | Int[np.ndarray, " tendons"]
@@ -113,7 +113,13 @@ def cyclic_orbits(
         which misses a skew axis of a structure whose second moments are all equal.
     tol : float
         Part of the structure's size by which a turned node may miss.
+
+    Raises
+    ------
+    StructureError
+        For a structure with cables.
     """
+    refuse_cables(structure, "its cyclic symmetry is not looked for", "give the groups of tendons by label")
     nodes = structure.nodes if nodes is None else np.asarray(nodes, float)
     centred = nodes - nodes.mean(axis=0)
     size = np.linalg.norm(centred, axis=1).max(initial=0.0)

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
 from tensctl.errors import EquilibriumError
-from tensctl.structure import Structure
+from tensctl.structure import Structure, refuse_cables
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,10 @@ def equilibrium_matrix(structure: Structure, nodes: Float[np.ndarray, "nodes 3"]
     ------
     EquilibriumError
         For nodes of the wrong shape, or a member whose ends coincide.
+    StructureError
+        For a structure with cables.
     """
+    refuse_cables(structure, "prestress is found for tendons of two nodes only", "give each piece its own tendon")
     nodes = structure.nodes if nodes is None else np.asarray(nodes, float)
     if nodes.shape != structure.nodes.shape or not np.isfinite(nodes).all():
         raise EquilibriumError(

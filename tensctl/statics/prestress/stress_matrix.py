@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from tensctl.statics.prestress.matrix import EquilibriumMatrix
-from tensctl.structure import Structure
+from tensctl.structure import Structure, refuse_cables
 from tensctl.structure.structure import lengths
 
 
@@ -33,7 +33,13 @@ def stress_matrix(
     ----------
     tendon_densities : T/l, N/m
     rod_densities : c/l, N/m, > 0 in compression; they enter with a minus sign.
+
+    Raises
+    ------
+    StructureError
+        For a structure with cables.
     """
+    refuse_cables(structure, "a stress matrix has one force density a tendon", "give each piece its own tendon")
     members = np.vstack([structure.tendons, structure.rods])
     density = np.concatenate([tendon_densities, -rod_densities])
     a, b = members.T
