@@ -50,7 +50,7 @@ if TYPE_CHECKING:
         self_stress,
         stability_orders,
     )
-    from tensctl.structure import Structure, build_structure, network, prism, shell
+    from tensctl.structure import Structure, build_structure, network, planar, prism, shell
     from tensctl.synthesis import LQR, MPC, ShapePath, lqr, plan_shape
 
 _HOME = {
@@ -93,7 +93,7 @@ _HOME = {
         "self_stress",
         "stability_orders",
     ),
-    "tensctl.structure": ("Structure", "build_structure", "network", "prism", "shell"),
+    "tensctl.structure": ("Structure", "build_structure", "network", "planar", "prism", "shell"),
     "tensctl.synthesis": ("LQR", "MPC", "ShapePath", "lqr", "plan_shape"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -141,6 +141,7 @@ __all__ = [
     "network",
     "observability",
     "plan_shape",
+    "planar",
     "prism",
     "run",
     "self_stress",

@@ -148,6 +148,7 @@ def linked_tensions(shell, stiff):
         node_labels=names,
         tendon_labels=tuple(f"t{k}" for k in range(len(shell.tendons))) + tuple(f"link{k}" for k in range(len(links))),
         pinned=np.zeros(len(nodes), bool),
+        guides=np.zeros((len(nodes), 3), bool),
     )
     parts = [label.count("+") + 1 for label in shell.tendon_labels]
     stiffness = {f"t{k}": 100.0 * count for k, count in enumerate(parts)} | {"link*": stiff}

@@ -139,8 +139,8 @@ class TestAccepted:
 
 SENTENCES = [
     ({"structure": None}, "structure is missing; expected a table."),
-    ({"structure": {"n": 3}}, 'structure.kind is missing; expected "shell", "prism" or "network".'),
-    ({"structure": {"kind": "dome"}}, 'structure.kind is "dome"; expected "shell", "prism" or "network".'),
+    ({"structure": {"n": 3}}, 'structure.kind is missing; expected "shell", "prism", "network" or "planar".'),
+    ({"structure": {"kind": "dome"}}, 'structure.kind is "dome"; expected "shell", "prism", "network" or "planar".'),
     ({"rods": 3}, "rods is 3; expected a table with the keys mass, radius, EI."),
     ({"rods": {"mass": 0}}, "rods.mass is 0; expected a finite number > 0 (kg)."),
     ({"rods": {"mass": {"r1_*": -2.5}}}, 'rods.mass."r1_*" is -2.5; expected a finite number > 0 (kg).'),
@@ -220,11 +220,23 @@ def test_refused_in_one_sentence(sections, sentence):
             {"pins": {"P1_1_1": "xyy"}},
             'structure.pins.P1_1_1 is "xyy"; expected some of the letters in "xyz".',
         ),
-        ({"kind": "planar"}, 'structure.kind is "planar", which is planned but not supported yet'),
+        ({"kind": "flat"}, 'structure.kind is "flat"; expected "shell", "prism", "network" or "planar".'),
     ],
 )
 def test_shell_refused(keys, words):
     assert shell_refusal(**keys).startswith(words)
+
+
+def planar_refusal(**keys):
+    recipe = {"kind": "planar", "nodes": {"a": [0, 0], "b": [1, 0]}, "rods": {"r": ["a", "b"]}, "tendons": {}}
+    return refusal(structure=recipe | keys)
+
+
+def test_planar_refused():
+    assert planar_refusal(nodes={"a": [0, 0, 0]}) == (
+        "structure.nodes.a is [0, 0, 0]; expected a list of 2 finite numbers (m)."
+    )
+    assert planar_refusal(pins={"a": "z"}) == 'structure.pins.a is "z"; expected some of the letters in "xy".'
 
 
 @pytest.mark.parametrize("value", [True, "3", 3.0, 3.5, math.nan, None, [3], np.bool_(True)], ids=repr)
@@ -318,6 +330,16 @@ networks = st.fixed_dictionaries(
     },
     optional={"pins": pins},
 )
+plane_pins = st.lists(pattern, max_size=3) | st.dictionaries(pattern, st.sampled_from(["x", "yx"]), max_size=3)
+planes = st.fixed_dictionaries(
+    {
+        "kind": st.just("planar"),
+        "nodes": st.dictionaries(name, st.lists(number, min_size=2, max_size=2), max_size=3),
+        "rods": ends,
+        "tendons": ends,
+    },
+    optional={"pins": plane_pins},
+)
 tendons = st.fixed_dictionaries(
     {}, optional={"EA": per_member, "rest_length": per_member, "damping": per_member | ratio}
 )
@@ -327,7 +349,7 @@ pushes = st.builds(
 )  # fmt: skip
 simulations = st.fixed_dictionaries({"t_end": positive}, optional={"push": st.lists(pushes, max_size=3)})
 scenes = st.fixed_dictionaries(
-    {"structure": shells | networks},
+    {"structure": shells | networks | planes},
     optional={
         "title": st.text(),
         "rods": st.fixed_dictionaries({}, optional={"mass": per_member}),

@@ -1,16 +1,17 @@
 """The shell class is built as its topology table says; recipes and mistakes give what they should."""
 
 import itertools
-import json
 import re
+import tomllib
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support import shell_scene
+from support import replaced, shell_scene
 
 import tensctl as tc
+from tensctl.structure import build_members
 
 SIZES = [(3, 1), (3, 2), (4, 1), (4, 3), (5, 2), (6, 4), (7, 1), (8, 4), (12, 6)]
 
@@ -165,6 +166,37 @@ class TestPins:
         assert tc.network(nodes, rods, [], pins=[1]).pinned.tolist() == [False, True]
         assert tc.network(nodes, rods, [], pins=["2"]).pinned.tolist() == [False, True]
 
+    def test_single_directions(self):
+        built = tc.shell(3, 1, pins={"P1_*_1": "z", "P1_2_1": "zxy", "P4_*_1": "xy"})
+        held = dict(zip(built.node_labels, built.held.tolist(), strict=True))
+        assert held["P1_1_1"] == [False, False, True]
+        assert held["P1_2_1"] == [True, True, True]
+        assert held["P4_3_1"] == [True, True, False]
+        assert built.pinned.sum() == 1
+        assert not built.guides[built.pinned].any()
+        assert (built.free == ~built.held).all()
+
+    def test_joints_are_held_where_either_part_is(self):
+        built = tc.shell(3, 2, cls=2, pins={"P4_1_1": "xy", "P3_3_2": "z", "P1_1_1": "x"})
+        held = dict(zip(built.node_labels, built.held.tolist(), strict=True))
+        assert held["P4_1_1+P3_3_2"] == [True, True, True]
+        assert held["P1_1_1"] == [True, False, False]
+        assert built.pinned.sum() == 1
+
+
+class TestPlane:
+    def test_directions(self):
+        built = tc.planar([[0, 0], [1, 0]], [[0, 1]], [], pins={"1": "xy", "2": "y"})
+        assert built.dimension == 2
+        assert built.nodes.tolist() == [[0, 0, 0], [1, 0, 0]]
+        assert built.pinned.tolist() == [True, False]
+        assert built.free.tolist() == [[False] * 3, [True, False, False]]
+
+    def test_weight_is_along_y(self):
+        scene = tc.Scene(structure=tc.planar([[0, 0], [1, 0]], [[0, 1]], [], pins=[0]), gravity={"g": 2.0})
+        members = build_members(scene, tc.build_structure(scene))
+        assert members.forces.tolist() == [[0, -1, 0], [0, -1, 0]]
+
 
 TWO = {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0], "d": [0, 0, 1]}
 RODS = {"r": ["a", "b"], "s": ["c", "d"]}
@@ -172,6 +204,11 @@ RODS = {"r": ["a", "b"], "s": ["c", "d"]}
 
 def network(**changes):
     return lambda: tc.network(**{"nodes": TWO, "rods": RODS, "tendons": {"t": ["a", "c"]}} | changes)
+
+
+def plane(**sections):
+    structure = tc.planar([[0, 0], [1, 0]], [[0, 1]], [])
+    return lambda: build_members(tc.Scene(structure=structure, **sections), structure)
 
 
 MISTAKES = {
@@ -182,9 +219,23 @@ MISTAKES = {
     "height": (lambda: tc.shell(3, 1, height=-1), "height = -1: a shell needs a height > 0 m"),
     "prism n": (lambda: tc.prism(2), "n = 2: a prism has n >= 3 rods"),
     "prism size": (lambda: tc.prism(3, radius=0), "a prism needs both > 0 m"),
-    "partial pins": (
-        lambda: tc.build_structure(shell_scene(pins={"P1_1_1": "z"})),
-        'structure.pins: P1_1_1 = "z" holds a node in some directions only',
+    "direction": (lambda: tc.prism(3, pins={"a1": "w"}), 'pins: a1 = "w"; expected some of the letters in "xyz"'),
+    "no direction": (lambda: tc.prism(3, pins={"a1": ""}), 'pins: a1 = ""; expected some of the letters in "xyz"'),
+    "out of plane": (
+        lambda: tc.planar([[0, 0], [1, 0]], [[0, 1]], [], pins={"1": "z"}),
+        'pins: 1 = "z"; expected some of the letters in "xy"',
+    ),
+    "space": (lambda: tc.planar(np.eye(3), [[0, 1]], []), r"nodes have shape \(3, 3\); two coordinates"),
+    "pinned and guided": (
+        lambda: replaced(tc.prism(3, pins=["a1"]), guides=np.ones((6, 3), bool)).verify(),
+        "node a1 is pinned and guided",
+    ),
+    "off the plane": (lambda: replaced(tc.prism(3), planar=True).verify(), "node b1 has z = 1 m .* lies in z = 0"),
+    "load out of plane": (plane(loads={"1": [0, 0, 1]}), r"loads.1 is \[0.0, 0.0, 1.0\]; a planar structure"),
+    "weight out of plane": (plane(gravity={"g": [0, 0, 1]}), r"gravity.g is \[0.0, 0.0, 1.0\]; a planar structure"),
+    "push out of plane": (
+        plane(simulation={"t_end": 1.0, "push": [{"node": "1", "force": [0, 0, 1], "from": 0, "to": 1}]}),
+        r"the force of simulation.push on 1 is \[0.0, 0.0, 1.0\]; a planar structure",
     ),
     "pin label": (lambda: tc.shell(3, 1, pins=["P1_9_1"]), r'pins: "P1_9_1" names nothing.*nearest label is P1_\d_1'),
     "repeated tendon": (
@@ -231,15 +282,34 @@ def test_labels_that_the_structure_does_not_have(sections, sentence):
 
 @pytest.mark.parametrize(
     "built",
-    [tc.shell(3, 1, pins=["P1_*_1"]), tc.shell(4, 2, primal=True, twist=1.1), tc.prism(5, pins=["a*"])],
-    ids=["mast", "primal", "prism"],
+    [
+        tc.shell(3, 1, pins=["P1_*_1"]),
+        tc.shell(4, 2, primal=True, twist=1.1),
+        tc.prism(5, pins=["a*"]),
+        tc.prism(5, pins={"a*": "z", "a1": "xyz"}),
+        tc.planar({"a": [0, 0.1], "b": [1, 0]}, {"r": ["a", "b"]}, {}, pins={"a": "xy", "b": "y"}),
+    ],
+    ids=["mast", "primal", "prism", "guides", "plane"],
 )
 def test_recipe_round_trip_is_exact(built):
-    text = json.dumps(built.as_recipe())
-    again = tc.build_structure(tc.Scene(structure=json.loads(text)))
+    again = tc.build_structure(tc.Scene(**tomllib.loads(tc.Scene(structure=built).to_toml())))
     assert (again.nodes == built.nodes).all()
+    assert (again.held == built.held).all()
     assert (again.pinned == built.pinned).all()
+    assert again.planar == built.planar
     assert again.rods.tolist() == built.rods.tolist()
     assert again.tendons.tolist() == built.tendons.tolist()
     for names in ("node_labels", "rod_labels", "tendon_labels"):
         assert getattr(again, names) == getattr(built, names)
+
+
+@pytest.mark.parametrize(
+    ("structure", "words"),
+    [
+        (tc.prism(3, pins={"a1": "z"}), "nodes held in some directions only"),
+        (tc.planar([[0, 0], [1, 0]], [[0, 1]], []), "planar structures"),
+    ],
+)
+def test_what_has_no_mechanics_yet_is_refused(structure, words):
+    with pytest.raises(tc.StructureError, match=f"{words} can be described, but"):
+        tc.find_equilibrium(tc.Scene(structure=structure))

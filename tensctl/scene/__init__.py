@@ -2,7 +2,7 @@
 
 from tensctl.scene.load import load_scene
 from tensctl.scene.physics import Actuators, Drag, Gravity, Rods, Tendons
-from tensctl.scene.recipe import NetworkRecipe, PrismRecipe, ShellRecipe
+from tensctl.scene.recipe import NetworkRecipe, PlanarRecipe, PrismRecipe, ShellRecipe
 from tensctl.scene.scene import Scene
 from tensctl.scene.stages import (
     ControllabilityStage,
@@ -31,6 +31,7 @@ __all__ = [
     "LqrStage",
     "MpcStage",
     "NetworkRecipe",
+    "PlanarRecipe",
     "PrismRecipe",
     "PushRequest",
     "Ratio",

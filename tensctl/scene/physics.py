@@ -52,7 +52,7 @@ class Tendons(Section):
 
 
 class Gravity(Section):
-    """`[gravity]`: `g` is a number, downwards (-z), or a vector."""
+    """`[gravity]`: `g` is a number, downwards (-z, or -y of a planar structure), or a vector."""
 
     g: Annotated[float | tuple[float, float, float], Either(Number("m/s^2"), Vector("m/s^2"))] = STANDARD_GRAVITY
 

@@ -1,4 +1,4 @@
-"""The structure that a scene asks for: a shell, a prism, or a network with every node and member given."""
+"""The structure that a scene asks for: a shell, a prism, or every node and member given, in space or in a plane."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from tensctl.scene.tables import Either, Table
 from tensctl.scene.values import Axes, Choice, Number, Texts, Vector
 
 Pins = Annotated[tuple[str, ...] | dict[str, str], Either(Texts("node labels", '["P1_*_1"]'), Table(Axes()))]
+PlanePins = Annotated[tuple[str, ...] | dict[str, str], Either(Texts("node labels", '["a"]'), Table(Axes("xy")))]
 Metres = Annotated[float, Number("m", above=0)]
 Ends = Table(Texts("node names", '["a", "b"]', least=2), named=True)
 
@@ -58,8 +59,18 @@ class NetworkRecipe(Section):
     pins: Pins = ()
 
 
-Recipe = Annotated[ShellRecipe | PrismRecipe | NetworkRecipe, Field(discriminator="kind")]
-_KINDS = '"shell", "prism" or "network"'
+class PlanarRecipe(Section):
+    """`kind = "planar"`: a network in the plane z = 0, whose third dimension is left out."""
+
+    kind: Literal["planar"] = "planar"
+    nodes: Annotated[Mapping[str, tuple[float, float]], Table(Vector("m", size=2), named=True)]
+    rods: Annotated[Mapping[str, tuple[str, ...]], Ends]
+    tendons: Annotated[Mapping[str, tuple[str, ...]], Ends]
+    pins: PlanePins = ()
+
+
+Recipe = Annotated[ShellRecipe | PrismRecipe | NetworkRecipe | PlanarRecipe, Field(discriminator="kind")]
+_KINDS = '"shell", "prism", "network" or "planar"'
 
 
 def prestressed_twist(n: int) -> float:
@@ -78,8 +89,6 @@ def recipe(given: Any) -> Any:
     kind = given.get("kind")
     if kind is None:
         raise complaint(f"is missing; expected {_KINDS}", "kind")
-    if kind == "planar":
-        raise complaint(f'is "planar", which is planned but not supported yet; expected {_KINDS}', "kind")
-    if kind not in ("shell", "prism", "network"):
+    if kind not in ("shell", "prism", "network", "planar"):
         raise complaint(f"is {shown(kind)}; expected {_KINDS}", "kind")
     return given

@@ -90,16 +90,17 @@ class Number(Value):
 
 @dataclass(frozen=True)
 class Vector(Value):
-    """Three finite numbers."""
+    """A few finite numbers, three unless said."""
 
     unit: str = ""
+    size: int = 3
 
     @property
     def words(self) -> str:
-        return "a list of 3 finite numbers" + (f" ({self.unit})" if self.unit else "")
+        return f"a list of {self.size} finite numbers" + (f" ({self.unit})" if self.unit else "")
 
     def fits(self, value: Any) -> bool:
-        return isinstance(value, list | tuple) and len(value) == 3
+        return isinstance(value, list | tuple) and len(value) == self.size
 
     def contents(self, value: Any) -> tuple[float, ...]:
         try:
@@ -189,14 +190,16 @@ class Choice(Value):
 
 @dataclass(frozen=True)
 class Axes(Value):
-    """Some of the directions x, y and z."""
+    """Some of the directions x, y and z, or of those that there are."""
+
+    axes: str = "xyz"
 
     @property
     def words(self) -> str:
-        return 'some of the letters in "xyz"'
+        return f'some of the letters in "{self.axes}"'
 
     def fits(self, value: Any) -> bool:
-        return isinstance(value, str) and 0 < len(value) == len(set(value)) and set(value) <= set("xyz")
+        return isinstance(value, str) and 0 < len(value) == len(set(value)) and set(value) <= set(self.axes)
 
     def contents(self, value: Any) -> str:
         return "".join(sorted(value))

@@ -206,6 +206,7 @@ def _part(structure: Structure, symmetry: CyclicSymmetry, place: np.ndarray) -> 
         rod_labels=tuple(structure.rod_labels[r] for r in rods),
         tendon_labels=(),
         pinned=structure.pinned[nodes],
+        guides=structure.guides[nodes],
     )
 
 

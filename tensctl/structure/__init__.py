@@ -4,7 +4,7 @@ from tensctl.structure.build import build_structure
 from tensctl.structure.cables import refuse_cables
 from tensctl.structure.labels import by_label, matches, select
 from tensctl.structure.members import Law, Members, build_members
-from tensctl.structure.network import network
+from tensctl.structure.network import network, planar
 from tensctl.structure.prism import prism
 from tensctl.structure.shell import shell
 from tensctl.structure.structure import Structure, lengths
@@ -19,6 +19,7 @@ __all__ = [
     "lengths",
     "matches",
     "network",
+    "planar",
     "prism",
     "refuse_cables",
     "select",

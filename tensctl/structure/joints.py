@@ -10,12 +10,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from tensctl.structure.pins import split
 from tensctl.structure.structure import Structure
 
 
 def joined(structure: Structure, pairs: Iterable[tuple[int, int]]) -> Structure:
     """Close pairs of nodes, given by index, to one node each; the structure's nodes must coincide there.
 
+    The structure is in space and without cables, as shells are.
     The merged node takes the first one's place in the order of nodes; a merged tendon keeps the first one's direction.
     """
     group = np.arange(len(structure.nodes))
@@ -23,6 +25,7 @@ def joined(structure: Structure, pairs: Iterable[tuple[int, int]]) -> Structure:
         group[group == max(group[a], group[b])] = min(group[a], group[b])
     kept, place = np.unique(group, return_inverse=True)
     tendon_labels, tendons = _merged_tendons(structure, place)
+    pinned, guides = split(np.array([structure.held[group == k].any(axis=0) for k in kept]))
     return Structure(
         nodes=np.stack([structure.nodes[group == k].mean(axis=0) for k in kept]),
         rods=place[structure.rods],
@@ -30,7 +33,8 @@ def joined(structure: Structure, pairs: Iterable[tuple[int, int]]) -> Structure:
         node_labels=tuple("+".join(structure.node_labels[a] for a in np.flatnonzero(group == k)) for k in kept),
         rod_labels=structure.rod_labels,
         tendon_labels=tendon_labels,
-        pinned=np.array([structure.pinned[group == k].any() for k in kept]),
+        pinned=pinned,
+        guides=guides,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -100,7 +101,7 @@ def build_members(scene: Scene, structure: Structure) -> Members:
     rest = _rest_lengths(scene, structure)
     damping, damping_ratio = _coefficient_or_ratio(tendons.damping)
     drag, drag_ratio = _coefficient_or_ratio(0.0 if scene.drag is None else scene.drag.coefficient)
-    gravity = _gravity(scene)
+    gravity = _gravity(scene, structure)
     actuated = select(structure.tendon_labels, scene.actuators.tendons, "actuators.tendons")
     mass = by_label(structure.rod_labels, scene.rods.mass, "rods.mass")
     key = "stiffness" if law == "k" else "EA"
@@ -166,17 +167,29 @@ def _rest_lengths(scene: Scene, structure: Structure) -> np.ndarray:
     return rest
 
 
-def _gravity(scene: Scene) -> np.ndarray:
+def _gravity(scene: Scene, structure: Structure) -> np.ndarray:
     if scene.gravity is None:
         return np.zeros(3)
     g = scene.gravity.g
-    return np.array([0.0, 0.0, -g]) if isinstance(g, float | int) else np.array(g, float)
+    if isinstance(g, float | int):
+        return np.array([0.0, -g, 0.0] if structure.planar else [0.0, 0.0, -g])
+    return _in_plane(structure, g, "gravity.g")
+
+
+def _in_plane(structure: Structure, vector: Sequence[float], key: str) -> np.ndarray:
+    """A vector of the scene, refused where it leads out of a planar structure."""
+    if structure.planar and vector[2] != 0:
+        raise StructureError(
+            f"{key} is {list(vector)}; a planar structure has no third direction, so give 0 as its third component."
+        )
+    return np.array(vector, float)
 
 
 def _forces(scene: Scene, structure: Structure, mass: np.ndarray, gravity: np.ndarray) -> np.ndarray:
     forces = np.zeros_like(structure.nodes)
     for pattern, force in (scene.loads or {}).items():
-        forces[matches(structure.node_labels, pattern, "loads")] += force
+        at = matches(structure.node_labels, pattern, "loads")
+        forces[at] += _in_plane(structure, force, f"loads.{pattern}")
     np.add.at(forces, structure.rods, 0.5 * mass[:, None, None] * gravity)
     return forces
 
@@ -184,5 +197,7 @@ def _forces(scene: Scene, structure: Structure, mass: np.ndarray, gravity: np.nd
 def _pushed(scene: Scene, structure: Structure) -> np.ndarray:
     asked = scene.simulation
     loads = () if asked is None else [(kind, load) for kind in _LOADS for load in getattr(asked, kind)]
+    for kind, load in loads:
+        _in_plane(structure, load.force, f"the force of simulation.{kind} on {load.node}")
     nodes = [matches(structure.node_labels, load.node, f"simulation.{kind}.node") for kind, load in loads]
     return np.unique(np.array([i for found in nodes for i in found], int))

@@ -1,4 +1,4 @@
-"""A structure of any form, from tables of nodes, rods and tendons."""
+"""A structure of any form, in space or in a plane, from tables of nodes, rods and tendons."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from tensctl.errors import StructureError
-from tensctl.structure.labels import select
+from tensctl.structure.pins import holds
 from tensctl.structure.structure import Structure
 
 Nodes = Mapping[str, Sequence[float]] | np.ndarray | Sequence[Sequence[float]]
 Members = Mapping[str, Sequence[str | int]] | np.ndarray | Sequence[Sequence[int]]
+Pins = Iterable[str | int] | Mapping[str, str]
 
 
-def network(nodes: Nodes, rods: Members, tendons: Members, pins: Iterable[str | int] = ()) -> Structure:
+def network(nodes: Nodes, rods: Members, tendons: Members, pins: Pins = ()) -> Structure:
     """Build a structure from its nodes and members.
 
     Parameters
@@ -24,19 +25,40 @@ def network(nodes: Nodes, rods: Members, tendons: Members, pins: Iterable[str | 
     rods, tendons : table name -> [tail, head], or (k, 2) array of indices from 0
         Members of an array are named `r1`, ... and `t1`, ... A tendon of more than two nodes, [tail, ..., head], is a
         cable that runs through those between without friction.
-    pins : iterable
-        Labels, patterns or indices of nodes held by the ground.
+    pins : iterable, or table label or pattern -> directions
+        Labels, patterns or indices of nodes held by the ground; `{"a": "z"}` holds one direction only.
 
     Raises
     ------
     StructureError
         A member that names an unknown node, or any rule of `Structure.verify`.
     """
-    node_labels, points = _points(nodes)
+    return _built(nodes, rods, tendons, pins, planar=False)
+
+
+def planar(nodes: Nodes, rods: Members, tendons: Members, pins: Pins = ()) -> Structure:
+    """Build a structure in the plane z = 0; the third dimension is left out of every model of it.
+
+    Parameters
+    ----------
+    nodes : table name -> [x, y], or (N, 2) array, m
+    rods, tendons, pins
+        As for `network`; directions are x and y.
+
+    Raises
+    ------
+    StructureError
+        As for `network`.
+    """
+    return _built(nodes, rods, tendons, pins, planar=True)
+
+
+def _built(nodes: Nodes, rods: Members, tendons: Members, pins: Pins, *, planar: bool) -> Structure:
+    node_labels, points = _points(nodes, 2 if planar else 3)
     rod_labels, rod_nodes = _members(rods, node_labels, "r", "rod")
     tendon_labels, tendon_nodes = _members(tendons, node_labels, "t", "tendon")
     vias = tuple(tuple(named[1:-1]) for named in tendon_nodes)
-    held = [node_labels[p] if isinstance(p, int | np.integer) else p for p in pins]
+    pinned, guides = holds(node_labels, _named(pins, node_labels), "xy" if planar else "xyz")
     structure = Structure(
         nodes=points,
         rods=_ends(rod_nodes),
@@ -44,20 +66,29 @@ def network(nodes: Nodes, rods: Members, tendons: Members, pins: Iterable[str | 
         node_labels=node_labels,
         rod_labels=rod_labels,
         tendon_labels=tendon_labels,
-        pinned=select(node_labels, held, "pins"),
+        pinned=pinned,
         vias=vias if any(vias) else (),
+        guides=guides,
+        planar=planar,
     )
     structure.verify()
     return structure
 
 
-def _points(nodes: Nodes) -> tuple[tuple[str, ...], np.ndarray]:
+def _named(pins: Pins, node_labels: Sequence[str]) -> list[str] | dict[str, str]:
+    if isinstance(pins, Mapping):
+        return {str(label): directions for label, directions in pins.items()}
+    return [node_labels[p] if isinstance(p, int | np.integer) else p for p in pins]
+
+
+def _points(nodes: Nodes, dimension: int) -> tuple[tuple[str, ...], np.ndarray]:
     table = isinstance(nodes, Mapping)
     points = np.array(list(nodes.values()) if table else nodes, float)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise StructureError(f"nodes have shape {points.shape}; three coordinates a node are expected.")
+    if points.ndim != 2 or points.shape[1] != dimension:
+        many = "three" if dimension == 3 else "two"
+        raise StructureError(f"nodes have shape {points.shape}; {many} coordinates a node are expected.")
     labels = nodes.keys() if isinstance(nodes, Mapping) else map(str, range(1, len(points) + 1))
-    return tuple(labels), points
+    return tuple(labels), np.pad(points, ((0, 0), (0, 3 - dimension)))
 
 
 def _members(members: Members, node_labels, prefix: str, noun: str) -> tuple[tuple[str, ...], list[list[int]]]:

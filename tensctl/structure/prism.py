@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from tensctl.errors import StructureError
-from tensctl.structure.labels import select
+from tensctl.structure.pins import Pins, holds
 from tensctl.structure.structure import Structure
 
 
@@ -17,7 +15,7 @@ def prism(
     radius: float = 1.0,
     height: float = 1.0,
     twist: float | None = None,
-    pins: Iterable[str] = (),
+    pins: Pins = (),
 ) -> Structure:
     """Build an n-strut prism with 2n nodes, n rods and 3n tendons.
 
@@ -31,8 +29,8 @@ def prism(
     radius, height : float, m
     twist : float, rad, optional
         Default pi/2 + pi/n, the angle at which the prism holds prestress.
-    pins : iterable of str
-        Labels or patterns of nodes held by the ground.
+    pins : iterable of str, or table pattern -> directions
+        Labels or patterns of nodes held by the ground; `{"a*": "z"}` holds one direction only.
 
     Raises
     ------
@@ -47,6 +45,7 @@ def prism(
     base = 2 * np.pi * np.arange(n) / n
     node_labels = tuple(f"{ring}{i + 1}" for ring in "ab" for i in range(n))
     i, following = np.arange(n), (np.arange(n) + 1) % n
+    pinned, guides = holds(node_labels, pins)
     structure = Structure(
         nodes=np.vstack([_ring(base, radius, 0.0), _ring(base + twist, radius, height)]),
         rods=np.column_stack([i, n + i]),
@@ -60,7 +59,8 @@ def prism(
         node_labels=node_labels,
         rod_labels=tuple(f"rod{k + 1}" for k in range(n)),
         tendon_labels=tuple(f"{kind}{k + 1}" for kind in ("base", "top", "side") for k in range(n)),
-        pinned=select(node_labels, pins, "pins"),
+        pinned=pinned,
+        guides=guides,
     )
     structure.verify()
     return structure

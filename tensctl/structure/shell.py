@@ -6,13 +6,11 @@ P1 (R, theta, z0), P2 (R, theta + a, z0 + h), P3 (R, theta + a + pi/n, z0 + h - 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from tensctl.errors import StructureError
 from tensctl.structure.joints import joined
-from tensctl.structure.labels import select
+from tensctl.structure.pins import Pins, holds
 from tensctl.structure.structure import Structure
 from tensctl.structure.topology import class_two_joints, element_tendons, node_index
 
@@ -27,7 +25,7 @@ def shell(
     height: float = 1.0,
     overlap: float | None = None,
     twist: float | None = None,
-    pins: Iterable[str] = (),
+    pins: Pins = (),
 ) -> Structure:
     """Build an (n, m) shell: n elements around, m stages high.
 
@@ -45,8 +43,8 @@ def shell(
         Overlap o of the two rods of an element; 0.3 in class 1. Class 2 closes for height/2 only.
     twist : float, rad
         Angle a by which a rod turns about the axis on its way up; 1.4 in class 1. Class 2 closes for 2 pi/n only.
-    pins : iterable of str
-        Labels or patterns of nodes held by the ground.
+    pins : iterable of str, or table pattern -> directions
+        Labels or patterns of nodes held by the ground; `{"P1_*_1": "z"}` holds one direction only.
 
     Returns
     -------
@@ -63,6 +61,7 @@ def shell(
     overlap, twist = _closing(n, cls, height, overlap, twist)
     node_labels = tuple(f"P{k}_{i}_{j}" for i, j in _elements(n, m) for k in (1, 2, 3, 4))
     labels, ends = _tendons(n, m, primal)
+    pinned, guides = holds(node_labels, pins)
     structure = Structure(
         nodes=_cylinder(n, m, radius, height, overlap, twist),
         rods=np.arange(4 * n * m).reshape(-1, 2),
@@ -70,7 +69,8 @@ def shell(
         node_labels=node_labels,
         rod_labels=tuple(f"r{k}_{i}_{j}" for i, j in _elements(n, m) for k in (1, 2)),
         tendon_labels=labels,
-        pinned=select(node_labels, pins, "pins"),
+        pinned=pinned,
+        guides=guides,
     )
     if cls == 2:
         structure = joined(structure, class_two_joints(n, m))

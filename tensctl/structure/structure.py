@@ -5,7 +5,7 @@ Member vectors point from tail to head: d = p_head - p_tail ([S] 2.1, [W] sectio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from tensctl.errors import StructureError
 from tensctl.structure.cables import Path, check_tendons, paths_of, segments_of
+from tensctl.structure.pins import check_held, letters
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,10 @@ class Structure:
         Nodes held by the ground in every direction.
     vias : one tuple of node indices a tendon, or empty
         The nodes that a cable runs through between its tail and its head; none for a tendon of two nodes.
+    guides : (N, 3) bool array
+        Directions in which the ground holds a node that is not pinned.
+    planar : bool
+        All nodes have z = 0 and stay there: the third dimension is left out.
     """
 
     nodes: Float[np.ndarray, "nodes 3"]
@@ -40,6 +45,33 @@ class Structure:
     tendon_labels: tuple[str, ...]
     pinned: Bool[np.ndarray, " nodes"]
     vias: tuple[Path, ...] = ()
+    guides: Bool[np.ndarray, "held 3"] = field(default_factory=lambda: np.zeros((0, 3), bool))
+    planar: bool = False
+
+    def __post_init__(self) -> None:
+        """Nothing is held in part unless it is said."""
+        if not len(self.guides):
+            object.__setattr__(self, "guides", np.zeros((len(self.nodes), 3), bool))
+
+    @cached_property
+    def held(self) -> Bool[np.ndarray, "nodes 3"]:
+        """Directions in which the ground holds each node."""
+        return self.guides | self.pinned[:, None]
+
+    @cached_property
+    def free(self) -> Bool[np.ndarray, "nodes 3"]:
+        """Directions in which each node can move; never z when planar."""
+        return ~self.held & np.array([True, True, not self.planar])
+
+    @property
+    def dimension(self) -> int:
+        """3, or 2 when planar."""
+        return 2 if self.planar else 3
+
+    @property
+    def has_guides(self) -> bool:
+        """Whether a node is held in some directions only."""
+        return bool(self.guides.any())
 
     @property
     def rod_vectors(self) -> Float[np.ndarray, "rods 3"]:
@@ -99,15 +131,22 @@ class Structure:
         return bool((ends[~self.pinned] > 1).any())
 
     def as_recipe(self) -> dict:
-        """The structure as the scene's `kind = "network"`: tables by label, exact to the last bit."""
+        """The structure as the scene's `kind = "network"` or "planar": tables by label, exact to the last bit."""
         named = self.node_labels
+        points = self.nodes[:, : self.dimension]
         return {
-            "kind": "network",
-            "nodes": {label: p.tolist() for label, p in zip(named, self.nodes, strict=True)},
+            "kind": "planar" if self.planar else "network",
+            "nodes": {label: p.tolist() for label, p in zip(named, points, strict=True)},
             "rods": _named_nodes(self.rod_labels, self.rods, named),
             "tendons": _named_nodes(self.tendon_labels, self.paths, named),
-            "pins": [label for label, held in zip(named, self.pinned, strict=True) if held],
+            "pins": self._pins(),
         }
+
+    def _pins(self) -> list[str] | dict[str, str]:
+        """Labels of pinned nodes, or held directions by label where some are held in part."""
+        at = self.held & np.array([True, True, not self.planar])
+        table = {label: letters(row) for label, row in zip(self.node_labels, at, strict=True) if row.any()}
+        return table if self.has_guides else list(table)
 
     def verify(self) -> None:
         """Check the structure against the rules that every later stage relies on.
@@ -121,6 +160,7 @@ class Structure:
         _check_rods(self)
         check_tendons(self)
         _check_nodes(self)
+        check_held(self)
 
 
 def lengths(nodes: Float[np.ndarray, "nodes 3"], members: Int[np.ndarray, "members 2"]) -> np.ndarray:
