@@ -189,8 +189,3 @@ def test_a_loop_of_rods_has_redundant_joints():
     structure = tc.network(nodes, rods, {"t": ["b", "d"]}, pins=["d", "e"])
     potential = Potential.of(tc.Scene(structure=structure))
     assert potential.manifold.size == 6
-
-
-def test_joints_in_motion_are_refused():
-    with pytest.raises(tc.StructureError, match="joints in motion"):
-        tc.build_dynamics(class_two(3, 2))

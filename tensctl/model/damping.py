@@ -49,7 +49,10 @@ def damping_matrix(point: PotentialPoint, damping: np.ndarray, drag: float) -> s
     unit = d / np.where(length > 0, length, 1.0)[:, None]
     blocks = (damping * taut)[:, None, None] * unit[:, :, None] * unit[:, None, :]
     nodal = scatter_blocks(structure.tendons, blocks, len(point.nodes))
-    return sp.csr_array(point.tangent.T @ nodal @ point.tangent + drag * (point.tangent.T @ point.tangent))
+    if drag > 0:
+        ends = np.bincount(structure.rods.ravel(), minlength=len(point.nodes))
+        nodal = nodal + sp.diags_array(np.repeat(drag * ends, 3))
+    return sp.csr_array(point.tangent.T @ nodal @ point.tangent)
 
 
 def _lowest(potential: Potential) -> tuple[PotentialPoint, float, np.ndarray]:

@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.elements import Potential
-from tensctl.errors import StructureError
+from tensctl.model.constraints import Constraints
 from tensctl.model.damping import resolve_damping
 from tensctl.model.explain import Term, as_table, explain
+from tensctl.model.layout import Layout
 from tensctl.model.symbolic import SymbolicModel, coordinate_count, symbolic_model
 from tensctl.structure import Members, Structure
 
@@ -67,6 +68,11 @@ class Dynamics:
         return bool(self.damping.any()) or self.drag > 0
 
     @property
+    def tied(self) -> bool:
+        """Whether joints or guides tie rod ends, so that motion needs multipliers."""
+        return self.constraints.first.size > 0
+
+    @property
     def input_labels(self) -> tuple[str, ...]:
         """Labels of the acting tendons, in the order of u."""
         return tuple(self.structure.tendon_labels[t] for t in self.members.inputs)
@@ -74,7 +80,7 @@ class Dynamics:
     @cached_property
     def symbolic(self) -> SymbolicModel:
         """The CasADi functions f, y_p, y_l, y_f."""
-        return symbolic_model(self.potential, self.damping, self.drag)
+        return symbolic_model(self.potential, self.damping, self.drag, self.layout, self.constraints)
 
     @property
     def f(self) -> ca.Function:
@@ -97,29 +103,47 @@ class Dynamics:
         return self.symbolic.y_f
 
     @cached_property
+    def constraints(self) -> Constraints:
+        """Joints and guides as linear rows; none where rods share nothing."""
+        return Constraints.of(self.structure, self.potential.manifold, self.members.mass)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Nodes of the kernel: the structure's own, or every rod end by itself where rods share nodes."""
+        return Layout.of(self.structure, self.potential.manifold)
+
+    @cached_property
     def kernel(self) -> KernelData:
         """Arrays for the compiled kernel."""
         from tensctl.model.kernel import KernelData
 
         structure, members, manifold = self.structure, self.members, self.potential.manifold
+        layout, rows = self.layout, self.constraints
+        tendons, rods = layout.place[structure.tendons], layout.rods
         return KernelData(
-            tail=np.ascontiguousarray(structure.tendons[:, 0]),
-            head=np.ascontiguousarray(structure.tendons[:, 1]),
+            tail=np.ascontiguousarray(tendons[:, 0]),
+            head=np.ascontiguousarray(tendons[:, 1]),
             stiffness=members.stiffness,
             by_strain=members.law == "EA",
             damping=self.damping,
             drag=float(self.drag),
-            rod_tail=np.ascontiguousarray(structure.rods[:, 0]),
-            rod_head=np.ascontiguousarray(structure.rods[:, 1]),
+            rod_tail=np.ascontiguousarray(rods[:, 0]),
+            rod_head=np.ascontiguousarray(rods[:, 1]),
             hold=manifold.hold,
-            anchor=structure.nodes,
+            anchor=layout.anchor,
             mass=members.mass,
             lengths=manifold.lengths,
-            tail_at=3 * structure.tendons[:, 0].astype(np.uint64),
-            head_at=3 * structure.tendons[:, 1].astype(np.uint64),
-            rod_tail_at=3 * structure.rods[:, 0].astype(np.uint64),
-            rod_head_at=3 * structure.rods[:, 1].astype(np.uint64),
+            tail_at=3 * tendons[:, 0].astype(np.uint64),
+            head_at=3 * tendons[:, 1].astype(np.uint64),
+            rod_tail_at=3 * rods[:, 0].astype(np.uint64),
+            rod_head_at=3 * rods[:, 1].astype(np.uint64),
             clamped=self.clamped,
+            first=rows.first,
+            second=rows.second,
+            target=rows.target,
+            couples=rows.couples,
+            low=rows.low,
+            place=rows.place,
         )
 
     def rod_coordinates(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "rods 6"]:
@@ -150,7 +174,7 @@ class Dynamics:
 
     def explain(self) -> Explanation:
         """Each term of the model, in or out, why, and its operation count."""
-        return Explanation(explain(self.potential, self.damping, self.drag))
+        return Explanation(explain(self.potential, self.damping, self.drag, self.constraints))
 
 
 def build_dynamics(scene: Scene) -> Dynamics:
@@ -164,10 +188,5 @@ def build_dynamics(scene: Scene) -> Dynamics:
         A damping ratio for a structure without a stable equilibrium.
     """
     potential = Potential.of(scene)
-    if potential.structure.jointed:
-        raise StructureError(
-            "this structure has rods that share a node; its equilibrium and stability can be found, but joints in "
-            "motion are not supported yet."
-        )
     damping, drag = resolve_damping(potential)
     return Dynamics(potential, damping, drag)

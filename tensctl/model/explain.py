@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensctl.elements import Hold, Potential, tendon_tension
+from tensctl.model.constraints import Constraints
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Term:
     operations: int | None
 
 
-def explain(potential: Potential, damping: np.ndarray, drag: float) -> tuple[Term, ...]:
+def explain(potential: Potential, damping: np.ndarray, drag: float, constraints: Constraints) -> tuple[Term, ...]:
     """List each term of a scene's model, in or out, and why."""
     structure, members = potential.structure, potential.members
     hold = potential.manifold.hold
@@ -54,7 +55,20 @@ def explain(potential: Potential, damping: np.ndarray, drag: float) -> tuple[Ter
         ),
         _term("rods turning about a pin", held, f"{held} rods", "no rod has exactly one end pinned", 30 * max(held, 1)),
         Term("mass matrix", False, "accelerations are explicit in rod-end coordinates", None),
-        Term("multipliers", False, "no two rods share a node, so rod lengths hold by themselves", None),
+        _term(
+            "multipliers",
+            constraints.first.size,
+            f"{constraints.first.size} rows tie rod ends to each other or to the ground",
+            "no joint, no guide, and rod lengths hold by themselves",
+            _factor_operations(constraints),
+        ),
+        _term(
+            "actuator lag",
+            members.lag > 0,
+            f"rest lengths follow commands with {members.lag:g} s, exactly, without a state",
+            "no lag is asked for",
+            4 * int(members.inputs.size),
+        ),
         Term(
             "inputs",
             True,
@@ -68,6 +82,12 @@ def explain(potential: Potential, damping: np.ndarray, drag: float) -> tuple[Ter
 
 def _term(name: str, included: bool | int | np.integer, why: str, why_not: str, operations: int) -> Term:
     return Term(name, bool(included), why if included else why_not, operations)
+
+
+def _factor_operations(constraints: Constraints) -> int:
+    """Operations of one factor within its profile and one solve; those of a single joint when there is none."""
+    lengths = np.diff(constraints.place) if constraints.first.size else np.array([1, 2, 3])
+    return int((lengths**2 + 4 * lengths).sum())
 
 
 def _unactuated(potential: Potential) -> str:

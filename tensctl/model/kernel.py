@@ -24,6 +24,9 @@ class KernelData(NamedTuple):
     Nodal arrays are flat, (3N,). `tail_at`, `head_at` and the rods' are places in them, 3 node; unsigned, since an
     index that may be negative costs a comparison at every access (6 instead of 4.5 ns a tendon). `clamped` holds a
     damped tendon at T >= 0; without it a taut damper may push, as STEDY has it.
+
+    Where rods share nodes, every rod keeps two ends of its own and the kernel's nodes are these ends; `first` to
+    `place` are the rows that tie them together (`model.constraints`), empty where no joint or guide is.
     """
 
     tail: np.ndarray
@@ -43,6 +46,12 @@ class KernelData(NamedTuple):
     rod_tail_at: np.ndarray
     rod_head_at: np.ndarray
     clamped: bool
+    first: np.ndarray
+    second: np.ndarray
+    target: np.ndarray
+    couples: np.ndarray
+    low: np.ndarray
+    place: np.ndarray
 
 
 @part

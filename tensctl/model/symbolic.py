@@ -3,8 +3,8 @@
     x = (q, q'),   x' = f(x, u, w),   q stacks (q1, q2) of each free rod and q2 of each rod held at one end
 
 u shortens the acting tendons, L = L0 - u; w is the force on the pushed nodes. For structures of control size: the
-expression grows with the number of tendons. What a structure does not have (dampers, drag, loads, pushes, pinned ends)
-is not in the expression.
+expression grows with the number of tendons. Joints and guides add multipliers: one sparse solve. What a structure does
+not have (dampers, drag, loads, pushes, pinned ends) is not in the expression.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import casadi as ca
 import numpy as np
 
 from tensctl.elements import Hold, Potential, rod_acceleration, tendon_tension
+from tensctl.model.constraints import Constraints
+from tensctl.model.layout import Layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +54,17 @@ def coordinate_count(potential: Potential) -> int:
     return int(np.select([potential.manifold.hold == 0, potential.manifold.hold == 3], [6, 0], 3).sum())
 
 
-def symbolic_model(potential: Potential, damping: np.ndarray, drag: float) -> SymbolicModel:
+def symbolic_model(
+    potential: Potential, damping: np.ndarray, drag: float, layout: Layout, constraints: Constraints
+) -> SymbolicModel:
     """Assemble the model.
 
     Parameters
     ----------
     damping : (nt,) N s/m
     drag : float, N s/m on each rod end
+    layout, constraints
+        Where rods share nodes, each has two ends of its own, tied together by multipliers.
     """
     members = potential.members
     size = coordinate_count(potential)
@@ -68,26 +74,54 @@ def symbolic_model(potential: Potential, damping: np.ndarray, drag: float) -> Sy
         ca.SX.sym("u", len(members.inputs)),
         ca.SX.sym("w", 3 * len(members.pushed)),
     )
-    anchors = [ca.SX(ca.DM(p)) for p in potential.structure.nodes]
-    nodes = _ends(potential, symbols.q, anchors)
-    velocities = _ends(potential, symbols.v, [ca.SX.zeros(3)] * len(nodes))
-    tensions, forces = _forces(potential, symbols, nodes, velocities, damping, drag)
-    acceleration = _accelerations(potential, symbols, forces)
-    lengths = [ca.norm_2(nodes[b] - nodes[a]) for a, b in potential.structure.tendons]
+    anchors = [ca.SX(ca.DM(p)) for p in layout.anchor]
+    nodes = _ends(potential, layout, symbols.q, anchors)
+    velocities = _ends(potential, layout, symbols.v, [ca.SX.zeros(3)] * len(nodes))
+    tensions, forces = _forces(potential, layout, symbols, nodes, velocities, damping, drag)
+    acceleration = _accelerations(potential, layout, symbols, forces)
+    tendons = layout.place[potential.structure.tendons]
+    lengths = [ca.norm_2(nodes[b] - nodes[a]) for a, b in tendons]
     x = symbols.x
-    rate = ca.vertcat(symbols.v, *acceleration)
+    rate = ca.Function("f", [x, symbols.u, symbols.w], [ca.vertcat(symbols.v, *acceleration)], ["x", "u", "w"], ["dx"])
+    if constraints.first.size:
+        rate = _tied(potential, layout, constraints, rate, symbols)
     return SymbolicModel(
-        f=ca.Function("f", [x, symbols.u, symbols.w], [rate], ["x", "u", "w"], ["dx"]),
-        y_p=ca.Function("y_p", [x], [ca.vertcat(*nodes)], ["x"], ["p"]),
+        f=rate,
+        y_p=ca.Function("y_p", [x], [ca.vertcat(*(nodes[k] for k in layout.place))], ["x"], ["p"]),
         y_l=ca.Function("y_l", [x], [ca.vertcat(*lengths)], ["x"], ["l"]),
         y_f=ca.Function("y_f", [x, symbols.u], [ca.vertcat(*tensions)], ["x", "u"], ["T"]),
     )
 
 
-def _ends(potential: Potential, q: ca.SX, anchors: list) -> list:
+def _tied(
+    potential: Potential, layout: Layout, constraints: Constraints, free: ca.Function, symbols: _Symbols
+) -> ca.Function:
+    """Add the forces of joints and guides, S mu = -C p'': S is linear in the rods' own answer to end forces."""
+    C, ends = constraints.matrix(2 * len(layout.rods)), 2 * len(layout.rods)
+    rows = ca.DM(C.toarray())
+    mu = ca.SX.sym("mu", C.shape[0])
+    at_ends = ca.vertsplit(rows.T @ mu, 3) + [ca.SX.zeros(3)] * (len(layout.anchor) - ends)
+    still = _Symbols(symbols.q, ca.SX.zeros(symbols.v.shape), symbols.u, symbols.w)
+    answer = ca.vertcat(*_accelerations(potential, layout, still, at_ends))
+    still_anchors = [ca.SX.zeros(3)] * len(layout.anchor)
+    across = rows @ ca.vertcat(*_ends(potential, layout, answer, still_anchors)[:ends])
+    acceleration = ca.SX.sym("a", symbols.q.shape[0])
+    opening = rows @ ca.vertcat(*_ends(potential, layout, acceleration, still_anchors)[:ends])
+    S = ca.Function("S", [symbols.q], [ca.jacobian(across, mu)])
+    open_up = ca.Function("open_up", [acceleration], [opening])
+    answer_to = ca.Function("answer_to", [symbols.q, mu], [answer])
+    x, u, w = ca.MX.sym("x", symbols.x.shape[0]), ca.MX.sym("u", symbols.u.shape[0]), ca.MX.sym("w", symbols.w.shape[0])
+    size = symbols.q.shape[0]
+    rate = free(x, u, w)
+    forces = ca.solve(S(x[:size]), -open_up(rate[size:]))
+    rate = ca.vertcat(rate[:size], rate[size:] + answer_to(x[:size], forces))
+    return ca.Function("f", [x, u, w], [rate], ["x", "u", "w"], ["dx"])
+
+
+def _ends(potential: Potential, layout: Layout, q: ca.SX, anchors: list) -> list:
     """Node positions from q, or velocities from v with anchors at rest."""
     nodes, at = list(anchors), 0
-    for (a, b), hold in zip(potential.manifold.rods, potential.manifold.hold, strict=True):
+    for (a, b), hold in zip(layout.rods, potential.manifold.hold, strict=True):
         if hold == Hold.FREE:
             nodes[a] = (q[at : at + 3] - q[at + 3 : at + 6]) / 2
             nodes[b] = (q[at : at + 3] + q[at + 3 : at + 6]) / 2
@@ -101,16 +135,16 @@ def _ends(potential: Potential, q: ca.SX, anchors: list) -> list:
     return nodes
 
 
-def _forces(potential, symbols, nodes, velocities, damping, drag) -> tuple[list, list]:
+def _forces(potential, layout, symbols, nodes, velocities, damping, drag) -> tuple[list, list]:
     members = potential.members
-    forces = [ca.SX(ca.DM(f)) for f in members.forces]
-    for k, node in enumerate(members.pushed):
+    forces = [ca.SX(ca.DM(f)) for f in layout.spread(members.forces)]
+    for k, node in enumerate(layout.place[members.pushed]):
         forces[node] = forces[node] + symbols.w[3 * k : 3 * k + 3]
     if drag > 0:
         forces = [f - drag * v for f, v in zip(forces, velocities, strict=True)]
     shortening = dict(zip(members.inputs.tolist(), ca.vertsplit(symbols.u), strict=True)) if members.inputs.size else {}
     tensions = []
-    for t, (a, b) in enumerate(potential.structure.tendons):
+    for t, (a, b) in enumerate(layout.place[potential.structure.tendons]):
         d, rest = nodes[b] - nodes[a], members.rest_lengths[t] - shortening.get(t, 0.0)
         if damping[t] > 0:
             rate = velocities[b] - velocities[a]
@@ -124,10 +158,10 @@ def _forces(potential, symbols, nodes, velocities, damping, drag) -> tuple[list,
     return tensions, forces
 
 
-def _accelerations(potential: Potential, symbols: _Symbols, forces: list) -> list:
+def _accelerations(potential: Potential, layout: Layout, symbols: _Symbols, forces: list) -> list:
     result, at = [], 0
     q, v, mass = symbols.q, symbols.v, potential.members.mass
-    for r, ((a, b), hold) in enumerate(zip(potential.manifold.rods, potential.manifold.hold, strict=True)):
+    for r, ((a, b), hold) in enumerate(zip(layout.rods, potential.manifold.hold, strict=True)):
         if hold == Hold.FREE:
             turn = slice(at + 3, at + 6)
             result += rod_acceleration(Hold.FREE)(q[turn], v[turn], forces[a], forces[b], mass[r])

@@ -82,11 +82,12 @@ class Moving:
 
     def _drive(self, t0: float, t1: float) -> Drive:
         actuators, acting = self._actuators, self._loads.between(t0, t1)
-        lag, tau = actuators.lag(), self._dynamics.members.lag
+        lag, tau, layout = actuators.lag(), self._dynamics.members.lag, self._dynamics.layout
         return Drive(
-            float(t0), actuators.rest, actuators.rate, lag, tau if tau > 0 else 1.0, acting.force, acting.force_rate,
-            acting.wave_node, acting.wave_force, acting.wave_omega, acting.wave_phase,
-            bool(actuators.rate.any() or lag.any()), bool(acting.force_rate.any() or acting.wave_node.size),
+            float(t0), actuators.rest, actuators.rate, lag, tau if tau > 0 else 1.0, layout.spread(acting.force),
+            layout.spread(acting.force_rate), layout.place[acting.wave_node], acting.wave_force, acting.wave_omega,
+            acting.wave_phase, bool(actuators.rate.any() or lag.any()), bool(acting.force_rate.any() or
+            acting.wave_node.size),
         )  # fmt: skip
 
     def _measurement(self) -> Measurement:

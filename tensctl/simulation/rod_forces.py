@@ -23,6 +23,7 @@ from jaxtyping import Float
 
 from tensctl.elements import Hold
 from tensctl.model import Dynamics
+from tensctl.simulation.joint_forces import forces_at_rod_ends
 from tensctl.simulation.loads import Load, Loads
 from tensctl.simulation.run import Run
 
@@ -71,15 +72,15 @@ def rod_forces_along(dynamics: Dynamics, run: Run, pushes: Sequence[Load] = ()) 
         Those of the run; they are not among what it records.
     """
     structure, members, manifold = dynamics.structure, dynamics.members, dynamics.potential.manifold
-    forces = end_forces(dynamics, run, pushes)
+    forces = forces_at_rod_ends(dynamics, run, *end_forces(dynamics, run, pushes))
     along = run.nodes[:, structure.rods[:, 1]] - run.nodes[:, structure.rods[:, 0]]
     turning = run.velocities[:, structure.rods[:, 1]] - run.velocities[:, structure.rods[:, 0]]
     length = np.linalg.norm(along, axis=2)
     e = along / length[:, :, None]
     bow = members.mass * (turning**2).sum(axis=2) / length
     weight = members.mass * (e @ members.gravity)
-    tail = np.einsum("tri,tri->tr", e, forces[:, structure.rods[:, 0]])
-    head = -np.einsum("tri,tri->tr", e, forces[:, structure.rods[:, 1]])
+    tail = np.einsum("tri,tri->tr", e, forces[:, :, 0])
+    head = -np.einsum("tri,tri->tr", e, forces[:, :, 1])
     hold = manifold.hold
     by_head, by_tail = head - weight - 0.5 * bow, tail + weight - 0.5 * bow
     tail, head = np.where(hold == Hold.TAIL, by_head, tail), np.where(hold == Hold.HEAD, by_tail, head)
@@ -87,16 +88,23 @@ def rod_forces_along(dynamics: Dynamics, run: Run, pushes: Sequence[Load] = ()) 
     return RodForces(tail * moves, head * moves, bow)
 
 
-def end_forces(dynamics: Dynamics, run: Run, pushes: Sequence[Load] = ()) -> Float[np.ndarray, "t nodes 3"]:
-    """What tendons, loads, pushes and drag do on each node at each recorded time, N; weight is spread along rods."""
+def end_forces(
+    dynamics: Dynamics, run: Run, pushes: Sequence[Load] = ()
+) -> tuple[Float[np.ndarray, "t nodes 3"], Float[np.ndarray, "t nodes 3"]]:
+    """What tendons, loads and drag do on each node at each recorded time, N, and the loads among it.
+
+    Weight is in neither: it is spread along rods.
+    """
     structure, members = dynamics.structure, dynamics.members
     acting = Loads(dynamics, pushes)
     weight = np.zeros_like(structure.nodes)
     np.add.at(weight, structure.rods, 0.5 * members.mass[:, None, None] * members.gravity)
-    forces = np.stack([acting.at(t) for t in run.time]) - weight - dynamics.drag * run.velocities
+    loads = np.stack([acting.at(t) for t in run.time]) - weight
+    ends = np.bincount(structure.rods.ravel(), minlength=len(structure.nodes))
+    forces = loads - (dynamics.drag * ends)[:, None] * run.velocities
     vectors = run.nodes[:, structure.tendons[:, 1]] - run.nodes[:, structure.tendons[:, 0]]
     density = run.tensions / np.where(run.lengths > 0, run.lengths, 1.0)
     pull = (density[:, :, None] * vectors).swapaxes(0, 1)
     for side, sign in ((0, 1.0), (1, -1.0)):
         np.add.at(forces.swapaxes(0, 1), structure.tendons[:, side], sign * pull)
-    return forces
+    return forces, loads

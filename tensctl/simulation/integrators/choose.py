@@ -49,6 +49,8 @@ def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Choice:
 
 
 def _fitting(dynamics: Dynamics, tol: float) -> tuple[Method, str]:
+    if dynamics.tied:
+        return "dopri5", "joints or guides: accelerations with multipliers, projected after each step"
     if dynamics.damped:
         return "dopri5", "dampers or drag take energy out, so nothing is gained by a symplectic method"
     if tol >= _LOOSE:
@@ -63,5 +65,7 @@ def _splitting(dynamics: Dynamics, order: Order, tol: float, rate: float) -> Int
         raise SimulationError(
             f"splitting{order} moves undamped scenes only, and this one has dampers or drag; use dopri5."
         )
+    if dynamics.tied:
+        raise SimulationError(f"splitting{order} moves rods that share no node and no guide; use dopri5.")
     locate = len(dynamics.structure.tendons) <= _MANY or tol < _MODEST
     return Splitting.fitted(dynamics, order, tol, rate, locate=locate)

@@ -1,7 +1,8 @@
 """Any motion that is not stiff: Dormand and Prince's explicit pair of order 5(4) with projection on the manifold.
 
-After every accepted step q2 is put back to its rod's length and velocities along rods are taken away, so lengths hold
-to rounding. Where a damped tendon becomes taut the force jumps; the step-size control finds the place.
+After every accepted step q2 is put back to its rod's length, joints are closed and velocities along and across them
+are taken away, so lengths and joints hold to rounding. Where a damped tendon becomes taut the force jumps; the
+step-size control finds the place.
 
 Explicit: the step is bounded by about 3 over the fastest decay rate, which makes very stiff dampers slow, not wrong.
 """
@@ -15,6 +16,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.jit import jit
 from tensctl.model import Dynamics
+from tensctl.model.joint_kernel import close, constrain
 from tensctl.model.kernel import accelerations, tidy
 from tensctl.simulation.drive import Drive, drive_at
 from tensctl.simulation.integrators.between import between
@@ -50,11 +52,13 @@ def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale
     kq, kv = np.zeros((7, *q.shape)), np.zeros((7, *q.shape))
     q1, v1, q2, v2, rest, load = q.copy(), v.copy(), q.copy(), v.copy(), drive.rest.copy(), drive.force.copy()
     flat = load.reshape(load.size)
+    tied, values, mu = data.first.size > 0, np.zeros(data.place[-1]), np.zeros(data.first.size)
+    locked = False
     t, t_end, h, sides, refused, k = times[0], times[-1], first, 0, 0, 1
     suggestion = first
     while t < t_end:
         h = min(h, t_end - t)
-        if not h > 1e-14 * max(abs(times[0]), abs(t_end)):
+        if locked or not h > 1e-14 * max(abs(times[0]), abs(t_end)):
             return t, h, sides, refused
         last = t + h >= t_end
         for s in range(7):
@@ -66,6 +70,7 @@ def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale
             drive_at(drive, t + nodes[s] * h, rest, flat)
             kq[s] = v1
             accelerations(data, q1, v1, rest, load, kv[s])
+            locked = tied and not constrain(data, q1, kv[s], values, mu)
             sides += 1
         worst = 0.0
         for r in range(q.shape[0]):
@@ -78,9 +83,13 @@ def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale
         factor = 5.0 if worst == 0.0 else min(5.0, max(0.2, 0.9 * worst**-0.2))
         if worst <= 1.0:
             tidy(data, q1, v1)
+            if tied:
+                close(data, q1, v1, values, mu)
             reached = t_end if last else t + h
             while k < times.size and times[k] <= reached:
                 between(data, q, v, kv[0], q1, v1, kv[6], h, (times[k] - t) / h, q2, v2)
+                if tied:
+                    close(data, q2, v2, values, mu)
                 out_q[k], out_v[k] = q2, v2
                 k += 1
             q[:], v[:] = q1, v1
