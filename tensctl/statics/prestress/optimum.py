@@ -13,6 +13,11 @@ from jaxtyping import Float
 
 from tensctl.statics.prestress.program import Program
 
+# Work of a tension that has no bound, relative to the largest: below this the multipliers mean zero and are made so.
+_LITTLE_WORK = 1e-6
+# What a projection leaves of a zero: 1e-16 times the entries that were added up.
+_ROUNDING = 1e-12
+
 
 def least_squares_gap(
     program: Program,
@@ -36,7 +41,7 @@ def largest_minimum_bound(program: Program, multipliers: Float[np.ndarray, " fre
     """What the smallest tension cannot exceed, N; infinity when the multipliers prove nothing."""
     y = across_rods(program, multipliers)
     pull, high = program.tied.T @ y, program.bounds[1]
-    acting = np.flatnonzero(program.tie.T @ program.matrix.acting_tendons.astype(float) > 0)
+    acting = np.flatnonzero(program.acting)
     rising, falling = np.maximum(pull[acting], 0.0), np.maximum(-pull[acting], 0.0)
     # Rounding of a zero must not meet an infinite bound.
     falling[falling <= 1e-12 * np.abs(pull).max(initial=0.0)] = 0.0
@@ -47,13 +52,51 @@ def largest_minimum_bound(program: Program, multipliers: Float[np.ndarray, " fre
     return min(cap, held / total)
 
 
+def contradiction(program: Program, multipliers: Float[np.ndarray, " free"]) -> float:
+    """How clearly multipliers prove that no tensions fit: above zero by more than rounding is a proof (Farkas).
+
+    Balance asks for (B'y).tau + y.w = 0 with B = A_t G. When the largest value that the bounds allow is below zero, no
+    tau is left; returned is how far below, over the sum of what was added up, for the better sign of y. Tensions
+    that do next to no work are made to do none, as rods are; minus infinity where y is not square to the rods then, or
+    does work with a tension that has no bound on the side that counts.
+    """
+    return max(_shortfall(program, multipliers), _shortfall(program, -multipliers))
+
+
+def _shortfall(program: Program, y: np.ndarray) -> float:
+    low, high = program.bounds
+    y = across_rods(program, y)
+    pull = program.tied.T @ y
+    idle = np.abs(pull) <= _LITTLE_WORK * np.abs(pull).max(initial=0.0)
+    y = across(sp.csr_array(sp.hstack([program.matrix.rods, program.tied[:, np.flatnonzero(idle)]])), y)
+    pull = program.tied.T @ y
+    rounding = _ROUNDING * np.abs(y).max(initial=0.0)
+    pull = np.where(np.abs(pull) > rounding, pull, 0.0)
+    bound = np.where(pull > 0, high, np.where(pull < 0, low, 0.0))
+    stretch = np.abs(program.matrix.rods.T @ y).max(initial=0.0)
+    if np.isinf(bound).any() or stretch > rounding:
+        return -np.inf
+    terms = np.concatenate([pull * bound, y * program.load])
+    size = float(np.abs(terms).sum())
+    return -float(terms.sum()) / size if size > 0 else 0.0
+
+
+def load_left_over(program: Program) -> Float[np.ndarray, " free"]:
+    """The part of the loads that no tensions and rod forces of either sign balance, N; a contradiction if not zero."""
+    return across(sp.csr_array(sp.hstack([program.matrix.rods, program.tied])), program.load)
+
+
 def across_rods(program: Program, y: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
     """The part of a nodal motion that lengthens no rod."""
-    R = program.matrix.rods[:, np.flatnonzero(program.matrix.acting_rods)]
-    if not R.shape[1]:
+    return across(program.matrix.rods[:, np.flatnonzero(program.matrix.acting_rods)], y)
+
+
+def across(columns: sp.csr_array, y: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+    """The part of a nodal motion that does no work with any of the columns' forces."""
+    if not columns.shape[1]:
         return y
-    gram = sp.csc_matrix(R.T @ R + 1e-10 * sp.eye_array(R.shape[1]))
+    gram = sp.csc_matrix(columns.T @ columns + 1e-10 * sp.eye_array(columns.shape[1]))
     factor = spla.splu(gram)
     for _ in range(4):
-        y = y - R @ factor.solve(R.T @ y)
+        y = y - columns @ factor.solve(columns.T @ y)
     return y

@@ -13,16 +13,19 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from tensctl.statics.prestress.matrix import EquilibriumMatrix
 
 if TYPE_CHECKING:
     import cvxpy as cp
+
+QPSolver = Literal["CLARABEL", "OSQP", "SCS"]
+LPSolver = Literal["HIGHS", "CLARABEL", "SCIPY"]
 
 _TIGHT = 1e-10
 
@@ -80,16 +83,21 @@ class Program:
         np.minimum.at(high, self.groups, self.upper)
         return low, high
 
+    @cached_property
+    def acting(self) -> Bool[np.ndarray, " groups"]:
+        """Groups with a tendon that has a free end."""
+        return np.asarray(self.tie.T @ self.matrix.acting_tendons.astype(float) > 0)
+
     def quadratic(self, weights: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weight and target of each group: sum a (tau - g)^2 is A (tau - gbar)^2 and a constant."""
         weight = self.tie.T @ weights
         return weight, (self.tie.T @ (weights * target)) / weight
 
 
-def least_squares(program: Program, weights: np.ndarray, target: np.ndarray) -> Balanced | None:
-    """Minimise 1/2 sum a (T - g)^2 with Clarabel; None when the solver has nothing to show.
+def least_squares(program: Program, weights: np.ndarray, target: np.ndarray, solver: QPSolver) -> Balanced | None:
+    """Minimise 1/2 sum a (T - g)^2; None when the solver has nothing to show.
 
-    Accurate to about 1e-8 of the largest tension; `polish` takes it to rounding.
+    Accurate to about 1e-8 of the largest tension with Clarabel and 1e-4 with the others; `polish` takes it to rounding.
     """
     import cvxpy as cp
 
@@ -99,39 +107,55 @@ def least_squares(program: Program, weights: np.ndarray, target: np.ndarray) -> 
     goal = cp.Minimize(cp.sum_squares(cp.multiply(root, tau - wanted / size)) / 2)
     balance, limits = _constraints(program, tau, c, size)
     problem = cp.Problem(goal, [balance, *limits])
-    if not _solve(problem, cp.CLARABEL, tol_gap_abs=_TIGHT, tol_gap_rel=_TIGHT, tol_feas=_TIGHT) or tau.value is None:
+    settings = {"tol_gap_abs": _TIGHT, "tol_gap_rel": _TIGHT, "tol_feas": _TIGHT} if solver == "CLARABEL" else {}
+    if not _solve(problem, solver, **settings) or tau.value is None:
         return None
     y = np.asarray(balance.dual_value) * (size * weight.max(initial=0.0))
     return Balanced(size * (program.tie @ tau.value), size * _values(c), y)
 
 
-def largest_minimum(program: Program, cap: float = np.inf) -> tuple[float, Balanced] | None:
+def largest_minimum(program: Program, solver: LPSolver, cap: float = np.inf) -> tuple[float, Balanced] | None:
     """Maximise the smallest tension of all tendons with free ends, up to a cap; lower bounds are not asked for.
 
     Returns
     -------
     float
-        The largest smallest tension, N; below zero where tendons would have to push.
+        The largest smallest tension as the solver says, N; below zero where tendons would have to push.
     Balanced
-        Tensions that reach it; a vertex of the set of all that do.
+        Tensions that reach it, to the solver's tolerance; a vertex of the set of all that do, where the solver goes
+        from vertex to vertex.
     """
     import cvxpy as cp
 
     size = _scale(program, np.array([cap if np.isfinite(cap) else 0.0]))
     tau, c, t = cp.Variable(program.tie.shape[1]), cp.Variable(program.matrix.rods.shape[1]), cp.Variable()
     balance, _ = _constraints(program, tau, c, size)
-    acting = np.flatnonzero(program.tie.T @ program.matrix.acting_tendons.astype(float) > 0)
+    acting = np.flatnonzero(program.acting)
     high = program.bounds[1]
     below = np.flatnonzero(np.isfinite(high))
     limits: list[cp.Constraint] = [balance, tau[acting] >= t]
     limits += [tau[below] <= high[below] / size] if below.size else []
     limits += [t <= cap / size] if np.isfinite(cap) else []
     problem = cp.Problem(cp.Maximize(t), limits)
-    if not _solve(problem, cp.HIGHS) or tau.value is None or t.value is None:
+    if not _solve(problem, solver) or tau.value is None or t.value is None:
         return None
     rest = np.where(program.matrix.acting_tendons, program.tie @ tau.value, float(t.value))
     found = Balanced(size * rest, size * _values(c), np.asarray(balance.dual_value))
     return size * float(t.value), found
+
+
+def least_violation(program: Program, solver: LPSolver) -> np.ndarray | None:
+    """Multipliers of: move all bounds outwards by the same least amount so that tensions fit; None without an answer.
+
+    Where that amount is above zero they prove that none fit, which `contradiction` recomputes.
+    """
+    import cvxpy as cp
+
+    size = _scale(program, np.zeros(0))
+    tau, c, out = cp.Variable(program.tie.shape[1]), cp.Variable(program.matrix.rods.shape[1]), cp.Variable()
+    balance, limits = _constraints(program, tau, c, size, out)
+    problem = cp.Problem(cp.Minimize(out), [balance, *limits, out >= -1.0])
+    return np.asarray(balance.dual_value) if _solve(problem, solver) and tau.value is not None else None
 
 
 def _scale(program: Program, target: np.ndarray) -> float:
@@ -143,8 +167,8 @@ def _scale(program: Program, target: np.ndarray) -> float:
     return 1.0
 
 
-def _constraints(program: Program, tau: cp.Variable, c: cp.Variable, size: float):
-    """Balance, and bounds where there are any, in units of `size`."""
+def _constraints(program: Program, tau: cp.Variable, c: cp.Variable, size: float, out: cp.Variable | float = 0.0):
+    """Balance, and bounds where there are any, moved outwards by `out`; in units of `size`."""
     low, high = program.bounds
     force = program.tied @ tau + program.load / size
     if c.size:
@@ -153,7 +177,7 @@ def _constraints(program: Program, tau: cp.Variable, c: cp.Variable, size: float
     for bound, sign in ((low, 1.0), (high, -1.0)):
         k = np.flatnonzero(np.isfinite(bound))
         if k.size:
-            limits.append(sign * tau[k] >= sign * bound[k] / size)
+            limits.append(sign * tau[k] >= sign * bound[k] / size - out)
     return force == 0, limits
 
 
@@ -166,7 +190,9 @@ def _solve(problem: cp.Problem, solver: str, **settings: float) -> bool:
     import cvxpy as cp
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # "may be inaccurate": every result is judged by its own residuals
+        # "May be inaccurate", or overflow in an answer that ran away: every result is judged by its own residuals.
+        warnings.simplefilter("ignore", UserWarning)
+        warnings.simplefilter("ignore", RuntimeWarning)
         try:
             problem.solve(solver=solver, **settings)
         except cp.SolverError:
