@@ -1,6 +1,7 @@
 """What many tests share: scenes in one line, random states on the rods' manifold, orders of convergence."""
 
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -93,3 +94,24 @@ def rotation(rng):
 def replaced(record, **changes):
     """A frozen dataclass with some fields changed and nothing cached."""
     return type(record)(**{f.name: getattr(record, f.name) for f in fields(record)} | changes)
+
+
+# The (3,2) shell with both end rings, a zigzag between the stages and a line along the side as cables.
+MAST = {
+    "bottom": ["P1_1_1", "P1_2_1", "P1_3_1", "P1_1_1"],
+    "top": ["P4_1_2", "P4_2_2", "P4_3_2", "P4_1_2"],
+    "girdle": ["P4_1_1", "P1_2_2", "P3_1_1", "P4_2_1", "P1_3_2", "P3_2_1", "P4_3_1", "P1_1_2", "P3_3_1", "P4_1_1"],
+    "side": ["P3_1_2", "P2_1_2", "P1_2_2", "P4_2_1"],
+}
+
+
+def clustered(structure, cables, pins=()):
+    """The structure with cables in place of the tendons that join the same nodes."""
+    recipe = structure.as_recipe()
+    gone = {frozenset(piece) for path in cables.values() for piece in pairwise(path)}
+    kept = {label: ends for label, ends in recipe["tendons"].items() if frozenset(ends) not in gone}
+    return recipe | {"tendons": kept | cables, "pins": list(pins)}
+
+
+def mast_scene(pins=(), **sections):
+    return tc.Scene(structure=clustered(tc.shell(3, 2), MAST, pins), **sections)

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
-from support import MIXED_PINS, prism_scene, reference_prism, replaced, rotation, shell_scene, solved, taylor_order
+from support import (
+    MIXED_PINS,
+    mast_scene,
+    prism_scene,
+    reference_prism,
+    replaced,
+    rotation,
+    shell_scene,
+    solved,
+    taylor_order,
+)
 
 import tensctl as tc
 from tensctl.linear import sample_ramped
@@ -20,6 +30,8 @@ SCENES = {
     "free damped": shell_scene(**DAMPED),
     "pinned damped EA": shell_scene(pins=["P1_*_1"], tendons={"EA": 150.0, "damping": 1.5}),
     "weight": shell_scene(pins=["P1_*_1"], gravity={"g": 9.8}, loads={"P4_1_1": [1, 2, 3]}, tendons={"stiffness": 300}),
+    "cables": mast_scene(),
+    "cables, pinned damped EA": mast_scene(["P1_*_1"], tendons={"EA": 150.0, "damping": 1.5}),
     "prism, two actuators": prism_scene(actuators={"tendons": ["top1", "side2"]}),
 }
 STEPS = np.array([2e-2, 1e-2, 5e-3, 2.5e-3])

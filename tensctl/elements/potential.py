@@ -14,10 +14,11 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from tensctl.elements.assembly import TendonTerms, tendon_terms
+from tensctl.elements.cables import CableTerms, cable_terms
 from tensctl.elements.jointed import JointedManifold
 from tensctl.elements.manifold import RodManifold
 from tensctl.errors import StructureError
-from tensctl.structure import Members, Structure, build_members, build_structure, lengths, refuse_cables
+from tensctl.structure import Members, Structure, build_members, build_structure
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene
@@ -40,7 +41,6 @@ class Potential:
         """The potential of a scene."""
         structure = build_structure(scene)
         _check_plain(structure)
-        refuse_cables(structure, "where such a structure rests cannot be found yet", "give each piece its own tendon")
         members = build_members(scene, structure)
         if structure.jointed:
             return cls(structure, members, JointedManifold.of(structure, members.mass))
@@ -50,9 +50,12 @@ class Potential:
         self, nodes: Float[np.ndarray, "nodes 3"], rest_lengths: Float[np.ndarray, " tendons"] | None = None
     ) -> PotentialPoint:
         """Everything about the potential at one set of nodes."""
-        members = self.members
+        structure, members = self.structure, self.members
         rest = members.rest_lengths if rest_lengths is None else rest_lengths
-        terms = tendon_terms(nodes, self.structure.tendons, rest, members.stiffness, members.law)
+        if structure.has_cables:
+            cables = cable_terms(nodes, structure, rest, members.stiffness, members.law)
+            return PotentialPoint(self, nodes, rest, cables)
+        terms = tendon_terms(nodes, structure.tendons, rest, members.stiffness, members.law)
         return PotentialPoint(self, nodes, rest, terms)
 
 
@@ -63,7 +66,7 @@ class PotentialPoint:
     potential: Potential
     nodes: Float[np.ndarray, "nodes 3"]
     rest_lengths: Float[np.ndarray, " tendons"]
-    terms: TendonTerms
+    terms: TendonTerms | CableTerms
 
     @cached_property
     def energy(self) -> float:
@@ -80,7 +83,7 @@ class PotentialPoint:
     @cached_property
     def at_ease(self) -> bool:
         """Whether nothing pulls at all: every tendon slack to rounding, no load, no weight."""
-        length = lengths(self.nodes, self.potential.structure.tendons)
+        length = self.potential.structure.lengths_at(self.nodes)
         slack = length - self.rest_lengths <= _STRETCH_NOISE * length
         return bool(slack.all()) and not self.potential.members.forces.any()
 

@@ -246,7 +246,8 @@ def _same(dynamics: Dynamics, equilibrium: Equilibrium) -> bool:
         return True
     pairs = (
         (ours.structure.rods, theirs.structure.rods),
-        (ours.structure.tendons, theirs.structure.tendons),
+        (ours.structure.segments, theirs.structure.segments),
+        (ours.structure.segment_tendon, theirs.structure.segment_tendon),
         (ours.structure.pinned, theirs.structure.pinned),
         (ours.members.stiffness, theirs.members.stiffness),
         (ours.members.mass, theirs.members.mass),

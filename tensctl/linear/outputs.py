@@ -1,6 +1,6 @@
 """What a linear model shows: node positions, tendon lengths and tensions to first order ([S] 5.22).
 
-dp = J xi,   dl = n . (dp_head - dp_tail),   dT = (dT/dl) dl + c dl' + (dT/du) u,   slack tendons: dT = 0
+dp = J xi,   dl = (dl/dp) dp,   dT = (dT/dl) dl + c dl' + (dT/du) u,   slack tendons: dT = 0
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from tensctl.elements import Potential, PotentialPoint, scatter_blocks
+from tensctl.elements import Potential, PotentialPoint, length_map
 from tensctl.errors import EquilibriumError
 from tensctl.statics import settle
 
@@ -41,14 +41,11 @@ def resolve_damping(potential: Potential) -> tuple[Float[np.ndarray, " tendons"]
 
 
 def damping_matrix(point: PotentialPoint, damping: np.ndarray, drag: float) -> sp.csr_array:
-    """Damping matrix in tangent coordinates, N s/m: c n n' of each taut tendon and drag on each rod end."""
+    """Damping matrix in tangent coordinates, N s/m: c g g' of each taut tendon, g = dl/dp, and drag on each rod end."""
     structure = point.potential.structure
-    d = point.nodes[structure.tendons[:, 1]] - point.nodes[structure.tendons[:, 0]]
-    length = np.linalg.norm(d, axis=1)
-    taut = length > point.rest_lengths
-    unit = d / np.where(length > 0, length, 1.0)[:, None]
-    blocks = (damping * taut)[:, None, None] * unit[:, :, None] * unit[:, None, :]
-    nodal = scatter_blocks(structure.tendons, blocks, len(point.nodes))
+    stretch = length_map(structure, point.nodes)
+    taut = structure.lengths_at(point.nodes) > point.rest_lengths
+    nodal = stretch.T @ sp.diags_array(damping * taut) @ stretch
     if drag > 0:
         ends = np.bincount(structure.rods.ravel(), minlength=len(point.nodes))
         nodal = nodal + sp.diags_array(np.repeat(drag * ends, 3))

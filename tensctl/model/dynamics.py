@@ -119,10 +119,8 @@ class Dynamics:
 
         structure, members, manifold = self.structure, self.members, self.potential.manifold
         layout, rows = self.layout, self.constraints
-        tendons, rods = layout.place[structure.tendons], layout.rods
+        segments, rods = layout.place[structure.segments], layout.rods
         return KernelData(
-            tail=np.ascontiguousarray(tendons[:, 0]),
-            head=np.ascontiguousarray(tendons[:, 1]),
             stiffness=members.stiffness,
             by_strain=members.law == "EA",
             damping=self.damping,
@@ -133,11 +131,13 @@ class Dynamics:
             anchor=layout.anchor,
             mass=members.mass,
             lengths=manifold.lengths,
-            tail_at=3 * tendons[:, 0].astype(np.uint64),
-            head_at=3 * tendons[:, 1].astype(np.uint64),
+            tail_at=3 * segments[:, 0].astype(np.uint64),
+            head_at=3 * segments[:, 1].astype(np.uint64),
             rod_tail_at=3 * rods[:, 0].astype(np.uint64),
             rod_head_at=3 * rods[:, 1].astype(np.uint64),
             clamped=self.clamped,
+            cables=structure.has_cables,
+            pieces=np.bincount(structure.segment_tendon, minlength=len(structure.tendons)),
             first=rows.first,
             second=rows.second,
             target=rows.target,

@@ -21,7 +21,8 @@ _NOTHING = 1e-300
 class KernelData(NamedTuple):
     """Topology and coefficients as flat arrays, the only argument that describes the structure.
 
-    Nodal arrays are flat, (3N,). `tail_at`, `head_at` and the rods' are places in them, 3 node; unsigned, since an
+    Tendons are given by their segments, one each without `cables`; `pieces` says how many each has, in order. Nodal
+    arrays are flat, (3N,). `tail_at`, `head_at` and the rods' are places in them, 3 node; unsigned, since an
     index that may be negative costs a comparison at every access (6 instead of 4.5 ns a tendon). `clamped` holds a
     damped tendon at T >= 0; without it a taut damper may push, as STEDY has it.
 
@@ -29,8 +30,6 @@ class KernelData(NamedTuple):
     `place` are the rows that tie them together (`model.constraints`), empty where no joint or guide is.
     """
 
-    tail: np.ndarray
-    head: np.ndarray
     stiffness: np.ndarray
     by_strain: bool
     damping: np.ndarray
@@ -46,6 +45,8 @@ class KernelData(NamedTuple):
     rod_tail_at: np.ndarray
     rod_head_at: np.ndarray
     clamped: bool
+    cables: bool
+    pieces: np.ndarray
     first: np.ndarray
     second: np.ndarray
     target: np.ndarray
@@ -97,6 +98,43 @@ def elastic_forces(data, place, rest, spring, least, load, force, gap):
         force[b + two] -= z
 
 
+@jit
+def haul(data, s, pull, place, force):
+    """Add what a segment under a tension does to the nodes at its ends."""
+    one, two = np.uint64(1), np.uint64(2)
+    a, b = data.tail_at[s], data.head_at[s]
+    x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
+    pull /= np.sqrt(x * x + y * y + z * z + _NOTHING)
+    x, y, z = pull * x, pull * y, pull * z
+    force[a] += x
+    force[a + one] += y
+    force[a + two] += z
+    force[b] -= x
+    force[b + one] -= y
+    force[b + two] -= z
+
+
+@jit
+def cable_forces(data, place, rest, spring, least, load, force, gap):
+    """`elastic_forces` of a structure with cables: the gap of all of a tendon's segments, then the pull of each."""
+    one, two = np.uint64(1), np.uint64(2)
+    for i in range(force.size):
+        force[i] = load[i]
+    first = 0
+    for t in range(rest.size):
+        last = first + data.pieces[t]
+        total = 0.0
+        for s in range(first, last):
+            a, b = data.tail_at[s], data.head_at[s]
+            x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
+            total += np.sqrt(x * x + y * y + z * z + _NOTHING)
+        gap[t] = total - rest[t]
+        pull = spring[t] * max(gap[t], least)
+        for s in range(first, last):
+            haul(data, s, pull, place, force)
+        first = last
+
+
 @part
 def gap_rates(data, place, speed, rest_rate, rate):
     """How fast each tendon's gap grows, m/s."""
@@ -106,6 +144,49 @@ def gap_rates(data, place, speed, rest_rate, rate):
         x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
         u, v, w = speed[b] - speed[a], speed[b + one] - speed[a + one], speed[b + two] - speed[a + two]
         rate[t] = (x * u + y * v + z * w) / np.sqrt(x * x + y * y + z * z + _NOTHING) - rest_rate[t]
+
+
+@jit
+def cable_rates(data, place, speed, rest_rate, rate):
+    """`gap_rates` of a structure with cables."""
+    one, two = np.uint64(1), np.uint64(2)
+    first = 0
+    for t in range(rate.size):
+        last = first + data.pieces[t]
+        rate[t] = -rest_rate[t]
+        for s in range(first, last):
+            a, b = data.tail_at[s], data.head_at[s]
+            x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
+            u, v, w = speed[b] - speed[a], speed[b + one] - speed[a + one], speed[b + two] - speed[a + two]
+            rate[t] += (x * u + y * v + z * w) / np.sqrt(x * x + y * y + z * z + _NOTHING)
+        first = last
+
+
+@jit
+def damped_cable_forces(data, place, speed, rest, load, force):
+    """`damped_forces` of a structure with cables: a damper acts on the rate of the whole length."""
+    one, two = np.uint64(1), np.uint64(2)
+    for i in range(force.size):
+        force[i] = load[i] - data.drag * speed[i]
+    first = 0
+    for t in range(rest.size):
+        last = first + data.pieces[t]
+        total, growing = 0.0, 0.0
+        for s in range(first, last):
+            a, b = data.tail_at[s], data.head_at[s]
+            x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
+            u, v, w = speed[b] - speed[a], speed[b + one] - speed[a + one], speed[b + two] - speed[a + two]
+            length = np.sqrt(x * x + y * y + z * z + _NOTHING)
+            total += length
+            growing += (x * u + y * v + z * w) / length
+        if total > rest[t]:
+            k = data.stiffness[t] / rest[t] if data.by_strain else data.stiffness[t]
+            pull = k * (total - rest[t]) + data.damping[t] * growing
+            if data.clamped:
+                pull = max(0.0, pull)
+            for s in range(first, last):
+                haul(data, s, pull, place, force)
+        first = last
 
 
 @jit
@@ -175,7 +256,10 @@ def accelerations(data, q, v, rest, external, acceleration):
     place, speed, force = data.anchor.reshape(size).copy(), np.zeros(size), np.empty(size)
     place_nodes(data, q, place)
     place_nodes(data, v, speed)
-    damped_forces(data, place, speed, rest, external.reshape(size), force)
+    if data.cables:
+        damped_cable_forces(data, place, speed, rest, external.reshape(size), force)
+    else:
+        damped_forces(data, place, speed, rest, external.reshape(size), force)
     pushes(data, q, force, acceleration)
     for r in range(data.mass.size):
         hold = data.hold[r]

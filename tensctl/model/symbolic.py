@@ -10,6 +10,7 @@ not have (dampers, drag, loads, pushes, pinned ends) is not in the expression.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -77,10 +78,10 @@ def symbolic_model(
     anchors = [ca.SX(ca.DM(p)) for p in layout.anchor]
     nodes = _ends(potential, layout, symbols.q, anchors)
     velocities = _ends(potential, layout, symbols.v, [ca.SX.zeros(3)] * len(nodes))
-    tensions, forces = _forces(potential, layout, symbols, nodes, velocities, damping, drag)
+    paths = [layout.place[list(path)] for path in potential.structure.paths]
+    tensions, forces = _forces(potential, layout, paths, symbols, nodes, velocities, damping, drag)
     acceleration = _accelerations(potential, layout, symbols, forces)
-    tendons = layout.place[potential.structure.tendons]
-    lengths = [ca.norm_2(nodes[b] - nodes[a]) for a, b in tendons]
+    lengths = [sum(ca.norm_2(nodes[b] - nodes[a]) for a, b in pairwise(path)) for path in paths]
     x = symbols.x
     rate = ca.Function("f", [x, symbols.u, symbols.w], [ca.vertcat(symbols.v, *acceleration)], ["x", "u", "w"], ["dx"])
     if constraints.first.size:
@@ -135,7 +136,7 @@ def _ends(potential: Potential, layout: Layout, q: ca.SX, anchors: list) -> list
     return nodes
 
 
-def _forces(potential, layout, symbols, nodes, velocities, damping, drag) -> tuple[list, list]:
+def _forces(potential, layout, paths, symbols, nodes, velocities, damping, drag) -> tuple[list, list]:
     members = potential.members
     forces = [ca.SX(ca.DM(f)) for f in layout.spread(members.forces)]
     for k, node in enumerate(layout.place[members.pushed]):
@@ -144,18 +145,40 @@ def _forces(potential, layout, symbols, nodes, velocities, damping, drag) -> tup
         forces = [f - drag * v for f, v in zip(forces, velocities, strict=True)]
     shortening = dict(zip(members.inputs.tolist(), ca.vertsplit(symbols.u), strict=True)) if members.inputs.size else {}
     tensions = []
-    for t, (a, b) in enumerate(layout.place[potential.structure.tendons]):
-        d, rest = nodes[b] - nodes[a], members.rest_lengths[t] - shortening.get(t, 0.0)
+    for t, path in enumerate(paths):
+        pieces = [nodes[b] - nodes[a] for a, b in pairwise(path)]
+        d, rest = _straight(pieces), members.rest_lengths[t] - shortening.get(t, 0.0)
         if damping[t] > 0:
-            rate = velocities[b] - velocities[a]
+            rate = _stretching(pieces, [velocities[b] - velocities[a] for a, b in pairwise(path)])
             T = tendon_tension(members.law, damped=True)(d, rate, rest, members.stiffness[t], damping[t])
         else:
             T = tendon_tension(members.law, damped=False)(d, rest, members.stiffness[t])
-        square = ca.dot(d, d)
-        pull = T / ca.sqrt(ca.if_else(square > 0, square, 1.0)) * d
-        forces[a], forces[b] = forces[a] + pull, forces[b] - pull
+        for (a, b), piece in zip(pairwise(path), pieces, strict=True):
+            pull = T / _length(piece) * piece
+            forces[a], forces[b] = forces[a] + pull, forces[b] - pull
         tensions.append(T)
     return tensions, forces
+
+
+def _length(piece: ca.SX) -> ca.SX:
+    """|d|, or 1 where both ends meet, so that there is no 0/0."""
+    square = ca.dot(piece, piece)
+    return ca.sqrt(ca.if_else(square > 0, square, 1.0))
+
+
+def _straight(pieces: list) -> ca.SX:
+    """From tail to head of a tendon; a cable is laid out along one axis, as long as its pieces together."""
+    if len(pieces) == 1:
+        return pieces[0]
+    return ca.SX([1, 0, 0]) * sum(ca.norm_2(piece) for piece in pieces)
+
+
+def _stretching(pieces: list, rates: list) -> ca.SX:
+    """The rate of `_straight`."""
+    if len(pieces) == 1:
+        return rates[0]
+    each = [ca.dot(piece, rate) / _length(piece) for piece, rate in zip(pieces, rates, strict=True)]
+    return ca.SX([1, 0, 0]) * sum(each)
 
 
 def _accelerations(potential: Potential, layout: Layout, symbols: _Symbols, forces: list) -> list:

@@ -140,7 +140,7 @@ def _simulation(results: Results) -> dict | None:
 
 
 def _sanity(sanity: Sanity) -> dict:
-    rods, tendons = sanity.structure.rod_labels, sanity.structure.tendon_labels
+    rods, tendons = sanity.structure.rod_labels, sanity.structure.segment_labels
     most, since = sanity.most_slack
     facts: dict = {"warnings": list(sanity.warnings), "not_checked": list(sanity.not_checked)}
     for name, close, second in (("rod_rod", sanity.rods, rods), ("rod_tendon", sanity.tendons, tendons)):

@@ -16,7 +16,6 @@ from tensctl.simulation.loads import Load, Loads
 from tensctl.simulation.record import Record, placed, tensions_at
 from tensctl.simulation.run import Run
 from tensctl.statics import Equilibrium
-from tensctl.structure import lengths
 from tensctl.synthesis import StepRecord
 
 Start = Equilibrium | np.ndarray | tuple[np.ndarray, np.ndarray]
@@ -94,7 +93,7 @@ class Moving:
         structure, rest = self._dynamics.structure, self._actuators.rest
         nodes = placed(structure, self._q[None], structure.nodes)
         velocities = placed(structure, self._v[None], np.zeros_like(structure.nodes))
-        length = lengths(nodes[0], structure.tendons)
+        length = structure.lengths_at(nodes[0])
         tension = tensions_at(self._dynamics, nodes, velocities, length[None], rest[None])
         return Measurement(nodes[0], velocities[0], length, tension[0], self._actuators.inputs)
 

@@ -60,8 +60,7 @@ class Record:
         structure, members = dynamics.structure, dynamics.members
         nodes = placed(structure, self._q, structure.nodes)
         velocities = placed(structure, self._v, np.zeros_like(structure.nodes))
-        ends = structure.tendons
-        length = np.linalg.norm(nodes[:, ends[:, 1]] - nodes[:, ends[:, 0]], axis=2)
+        length = structure.lengths_at(nodes)
         return Motion(
             self.times, nodes, velocities, length,
             tensions_at(dynamics, nodes, velocities, length, self._rest), self._rest,
@@ -82,12 +81,14 @@ def tensions_at(
     dynamics: Dynamics, nodes: np.ndarray, velocities: np.ndarray, length: np.ndarray, rest: np.ndarray
 ) -> Float[np.ndarray, "t tendons"]:
     """Tensions of recorded states, (t, nt) N: the tendon's law with its damper."""
-    members, tendons = dynamics.members, dynamics.structure.tendons
+    structure, members = dynamics.structure, dynamics.members
     stiffness = members.stiffness if members.law == "k" else members.stiffness / rest
     tension = stiffness * (length - rest)
     if dynamics.damping.any():
-        d, rate = (a[:, tendons[:, 1]] - a[:, tendons[:, 0]] for a in (nodes, velocities))
-        closing = np.einsum("tki,tki->tk", d, rate) / np.where(length > 0, length, 1.0)
-        tension = tension + dynamics.damping * closing
+        ends = structure.segments
+        d, rate = (a[:, ends[:, 1]] - a[:, ends[:, 0]] for a in (nodes, velocities))
+        apart = np.linalg.norm(d, axis=2)
+        growing = np.einsum("tki,tki->tk", d, rate) / np.where(apart > 0, apart, 1.0)
+        tension = tension + dynamics.damping * structure.over_segments(np.add, growing)
     least = 0.0 if dynamics.clamped else -np.inf
     return np.where(length > rest, np.maximum(tension, least), 0.0)

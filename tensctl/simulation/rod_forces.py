@@ -102,9 +102,10 @@ def end_forces(
     loads = np.stack([acting.at(t) for t in run.time]) - weight
     ends = np.bincount(structure.rods.ravel(), minlength=len(structure.nodes))
     forces = loads - (dynamics.drag * ends)[:, None] * run.velocities
-    vectors = run.nodes[:, structure.tendons[:, 1]] - run.nodes[:, structure.tendons[:, 0]]
-    density = run.tensions / np.where(run.lengths > 0, run.lengths, 1.0)
+    vectors = run.nodes[:, structure.segments[:, 1]] - run.nodes[:, structure.segments[:, 0]]
+    length = np.linalg.norm(vectors, axis=2)
+    density = run.tensions[:, structure.segment_tendon] / np.where(length > 0, length, 1.0)
     pull = (density[:, :, None] * vectors).swapaxes(0, 1)
     for side, sign in ((0, 1.0), (1, -1.0)):
-        np.add.at(forces.swapaxes(0, 1), structure.tendons[:, side], sign * pull)
+        np.add.at(forces.swapaxes(0, 1), structure.segments[:, side], sign * pull)
     return forces, loads

@@ -103,15 +103,15 @@ def inspect_run(dynamics: Dynamics, run: Run, *, pushes: Sequence[Load] = ()) ->
     length = structure.rod_lengths
     thin = Segments(structure.rods, members.radius, MET * length)
     rods = Segments(structure.rods, members.radius, np.where(members.radius > 0, MET, NEAR) * length)
-    none = np.zeros(len(structure.tendons))
+    none = np.zeros(len(structure.segments))
     forces = rod_forces_along(dynamics, run, pushes)
     return Sanity(
         structure=structure,
         time=run.time,
         thick=bool((members.radius > 0).any()),
         rods=clearance(run.time, run.nodes, run.velocities, rods) if len(rods.ends) > 1 else None,
-        tendons=clearance(run.time, run.nodes, run.velocities, thin, Segments(structure.tendons, none, none))
-        if len(structure.tendons) and len(rods.ends)
+        tendons=clearance(run.time, run.nodes, run.velocities, thin, Segments(structure.segments, none, none))
+        if len(structure.segments) and len(rods.ends)
         else None,
         forces=forces,
         buckling=buckling(run.time, forces.largest, members.EI, length) if np.isfinite(members.EI).any() else None,

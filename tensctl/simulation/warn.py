@@ -22,7 +22,7 @@ _MOST_SLACK = 0.5
 
 def warnings_of(sanity: Sanity) -> tuple[str, ...]:
     """All sentences: rods among each other, rods and tendons, buckling, slack tendons."""
-    rods, tendons = sanity.structure.rod_labels, sanity.structure.tendon_labels
+    rods, tendons = sanity.structure.rod_labels, sanity.structure.segment_labels
     rounding = MET * float(sanity.structure.rod_lengths.max(initial=0.0))
     found = _of_pairs(sanity.rods, rods, rods, "rods {} and {}", rounding)
     found += _of_pairs(sanity.tendons, rods, tendons, "rod {} and tendon {}", rounding)

@@ -41,12 +41,13 @@ def attainable(point: PotentialPoint) -> float:
 
     A prestress of 1e-9 k l cannot be balanced to better than 1e-7 in double precision, whatever the method.
     """
-    members = point.potential.members
+    structure, members = point.potential.structure, point.potential.members
     axial = members.stiffness if members.law == "k" else members.stiffness / point.rest_lengths
-    ends = np.abs(point.nodes[point.potential.structure.tendons]).max(axis=(1, 2), initial=0.0)
+    ends = structure.over_segments(np.maximum, np.abs(point.nodes[structure.segments]).max(axis=(1, 2), initial=0.0))
+    pull = ((axial * ends) * (point.terms.tensions > 0))[structure.segment_tendon]
     rounding = np.zeros(len(point.nodes))
     for side in (0, 1):
-        np.add.at(rounding, point.potential.structure.tendons[:, side], (axial * ends) * (point.terms.tensions > 0))
+        np.add.at(rounding, structure.segments[:, side], pull)
     return _EPS * relative(rounding[:, None], point.terms.tensions, members.forces)
 
 

@@ -85,7 +85,7 @@ class Equilibrium:
     @cached_property
     def lengths(self) -> Float[np.ndarray, " tendons"]:
         """Tendon lengths, m."""
-        return lengths(self.nodes, self.structure.tendons)
+        return self.structure.lengths_at(self.nodes)
 
     @property
     def tensions(self) -> Float[np.ndarray, " tendons"]:
@@ -105,7 +105,7 @@ class Equilibrium:
 
     @cached_property
     def force_densities(self) -> Float[np.ndarray, " tendons"]:
-        """Tension over length of each tendon, gamma of [W], N/m."""
+        """Tension over length of each tendon, gamma of [W], N/m; of a cable over its whole length."""
         return self.tensions / np.where(self.lengths > 0, self.lengths, np.inf)
 
     @cached_property

@@ -25,6 +25,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from jaxtyping import Float
 
+from tensctl.elements import CableTerms, PotentialPoint, length_map, unit_vectors
 from tensctl.errors import EquilibriumError
 from tensctl.statics.equilibrium import Equilibrium
 from tensctl.statics.rigid import RigidMotions, unseen_motions
@@ -159,30 +160,25 @@ def tension_influence(
     At an unloaded equilibrium one direction of u changes the prestress only: it is in this map, not in the motion.
     """
     reach = static_influence(equilibrium) if reach is None else reach
-    terms, unit = equilibrium.point.terms, _units(equilibrium)
-    slope = np.einsum("ti,tij,tj->t", unit, terms.blocks, unit)
+    slope, through = _slopes(equilibrium.point)
     result = slope[:, None] * (stretch_map(equilibrium) @ reach)
     inputs = equilibrium.potential.members.inputs
-    result[inputs, np.arange(inputs.size)] += np.einsum("ti,ti->t", unit, terms.shortening)[inputs]
+    result[inputs, np.arange(inputs.size)] += through[inputs]
     return result
 
 
 def stretch_map(equilibrium: Equilibrium) -> sp.csr_array:
     """Growth of each tendon's length per tangent coordinate, (nt, size)."""
-    tendons, unit = equilibrium.structure.tendons, _units(equilibrium)
-    rows = np.broadcast_to(np.arange(len(tendons))[:, None, None], (*tendons.shape, 3))
-    columns = 3 * tendons[:, :, None] + np.arange(3)
-    values = np.stack([-unit, unit], axis=1)
-    entries = (values.ravel(), (rows.ravel(), columns.ravel()))
-    difference = sp.coo_array(entries, shape=(len(tendons), equilibrium.nodes.size))
-    return sp.csr_array(sp.csr_array(difference) @ equilibrium.point.tangent)
+    return sp.csr_array(length_map(equilibrium.structure, equilibrium.nodes) @ equilibrium.point.tangent)
 
 
-def _units(equilibrium: Equilibrium) -> Float[np.ndarray, "tendons 3"]:
-    """Unit vectors from tail to head; zero where both ends meet."""
-    tendons = equilibrium.structure.tendons
-    d = equilibrium.nodes[tendons[:, 1]] - equilibrium.nodes[tendons[:, 0]]
-    return d / np.where(equilibrium.lengths > 0, equilibrium.lengths, 1.0)[:, None]
+def _slopes(point: PotentialPoint) -> tuple[Float[np.ndarray, " tendons"], Float[np.ndarray, " tendons"]]:
+    """Growth of each tension with its length and with the shortening of its rest length, N/m."""
+    terms = point.terms
+    if isinstance(terms, CableTerms):
+        return terms.slopes, terms.through
+    unit, _ = unit_vectors(point.potential.structure, point.nodes)
+    return np.einsum("ti,tij,tj->t", unit, terms.blocks, unit), np.einsum("ti,ti->t", unit, terms.shortening)
 
 
 def compliance(

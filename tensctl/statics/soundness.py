@@ -55,7 +55,7 @@ def _check_connected(structure: Structure) -> None:
     """Every node hangs together with every other one, the ground being one body; lone nodes on it do not count."""
     count = len(structure.nodes)
     ground = np.flatnonzero(structure.pinned)
-    edges = np.vstack([structure.rods, structure.tendons, np.column_stack([ground[:-1], ground[1:]])])
+    edges = np.vstack([structure.rods, structure.segments, np.column_stack([ground[:-1], ground[1:]])])
     graph = sp.coo_array((np.ones(len(edges)), edges.T), shape=(count, count))
     parts, part = connected_components(graph, directed=False)
     if parts > 1:

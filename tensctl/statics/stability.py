@@ -131,10 +131,10 @@ def unknown_force(point: PotentialPoint) -> float:
 
 
 def _whole(point: PotentialPoint, force: float) -> Definiteness:
-    manifold, tendons = point.potential.manifold, point.potential.structure.tendons
+    manifold, segments = point.potential.manifold, point.potential.structure.segments
     bend = manifold.bend(point.nodes, -point.nodal_forces).diagonal()
-    lengths = np.linalg.norm(point.nodes[tendons[:, 1]] - point.nodes[tendons[:, 0]], axis=1)
-    blur = blur_of(point.tangent, tendons, lengths, 0.5 * manifold.lengths, force)
+    lengths = np.linalg.norm(point.nodes[segments[:, 1]] - point.nodes[segments[:, 0]], axis=1)
+    blur = blur_of(point.tangent, segments, lengths, 0.5 * manifold.lengths, force)
     return definiteness(point.hessian, bend, blur, unseen_motions(point.potential, point.nodes).basis)
 
 

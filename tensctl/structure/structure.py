@@ -108,6 +108,11 @@ class Structure:
         """The tendon that each segment is a piece of."""
         return segments_of(self.paths)[1] if self.has_cables else np.arange(len(self.tendons))
 
+    @property
+    def segment_labels(self) -> tuple[str, ...]:
+        """Labels of the tendons that the segments are pieces of."""
+        return tuple(self.tendon_labels[t] for t in self.segment_tendon)
+
     def lengths_at(self, nodes: Float[np.ndarray, "*t nodes 3"]) -> Float[np.ndarray, "*t tendons"]:
         """Tendon lengths at other nodes, m: of a cable the sum over its segments."""
         ends = self.segments

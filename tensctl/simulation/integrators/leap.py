@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tensctl.jit import jit, part
-from tensctl.model.kernel import elastic_forces, gap_rates, place_nodes, pushes, springs
+from tensctl.model.kernel import cable_forces, cable_rates, elastic_forces, gap_rates, place_nodes, pushes, springs
 from tensctl.simulation.drive import drive_at, drive_rate
 from tensctl.simulation.integrators.flight import fly, kick
 
@@ -92,7 +92,10 @@ def push_at(data, drive, t, now, work):
     if drive.ramped and data.by_strain:
         springs(data, work.rest, work.on, work.spring)
     place_nodes(data, now.q, work.place)
-    elastic_forces(data, work.place, work.rest, work.spring, work.least[0], work.load, work.force, now.gap)
+    if data.cables:
+        cable_forces(data, work.place, work.rest, work.spring, work.least[0], work.load, work.force, now.gap)
+    else:
+        elastic_forces(data, work.place, work.rest, work.spring, work.least[0], work.load, work.force, now.gap)
     pushes(data, now.q, work.force, now.push)
 
 
@@ -108,7 +111,10 @@ def rates_at(data, drive, t, now, work):
     if drive.ramped:
         drive_rate(drive, t, work.rest_rate, work.load_rate)
     place_nodes(data, now.v, work.speed)
-    gap_rates(data, work.place, work.speed, work.rest_rate, now.rate)
+    if data.cables:
+        cable_rates(data, work.place, work.speed, work.rest_rate, now.rate)
+    else:
+        gap_rates(data, work.place, work.speed, work.rest_rate, now.rate)
 
 
 @part

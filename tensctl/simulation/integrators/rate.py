@@ -25,10 +25,12 @@ def _stiffest(dynamics: Dynamics) -> float:
     if manifold.size == 0 or not len(structure.tendons):
         return 0.0
     stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
-    blocks = stiffness[:, None, None] * np.eye(3)
+    # A cable couples its segments: (sum of k stretches)^2 is at most their number times the sum of squares.
+    pieces = np.bincount(structure.segment_tendon, minlength=len(stiffness))
+    blocks = (pieces * stiffness)[structure.segment_tendon, None, None] * np.eye(3)
     tangent = manifold.tangent(structure.nodes)
     root = 1 / np.sqrt(manifold.mass(members.mass))
-    matrix = tangent.T @ scatter_blocks(structure.tendons, blocks, len(structure.nodes)) @ tangent
+    matrix = tangent.T @ scatter_blocks(structure.segments, blocks, len(structure.nodes)) @ tangent
     scaled = matrix.multiply(root).multiply(root[:, None]).tocsr()
     if manifold.size < 4:
         return float(np.abs(np.linalg.eigvalsh(scaled.toarray())).max())
