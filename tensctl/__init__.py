@@ -28,15 +28,18 @@ if TYPE_CHECKING:
     from tensctl.pipeline import run
     from tensctl.scene import Scene, load_scene
     from tensctl.simulation import (
+        Batch,
         History,
         Measurement,
         Push,
         Run,
         Sanity,
         Schedule,
+        Variations,
         Wave,
         inspect_run,
         simulate,
+        simulate_many,
     )
     from tensctl.statics import (
         Equilibrium,
@@ -71,15 +74,18 @@ _HOME = {
     "tensctl.pipeline": ("run",),
     "tensctl.scene": ("Scene", "load_scene"),
     "tensctl.simulation": (
+        "Batch",
         "History",
         "Measurement",
         "Push",
         "Run",
         "Sanity",
         "Schedule",
+        "Variations",
         "Wave",
         "inspect_run",
         "simulate",
+        "simulate_many",
     ),
     "tensctl.statics": (
         "Equilibrium",
@@ -101,6 +107,7 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = [
     "LQR",
     "MPC",
+    "Batch",
     "Dynamics",
     "Equilibrium",
     "EquilibriumError",
@@ -123,6 +130,7 @@ __all__ = [
     "StructureError",
     "SynthesisError",
     "TensctlError",
+    "Variations",
     "Wave",
     "__version__",
     "admissible_prestress",
@@ -147,6 +155,7 @@ __all__ = [
     "self_stress",
     "shell",
     "simulate",
+    "simulate_many",
     "stability_orders",
     "work_precision",
 ]

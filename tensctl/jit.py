@@ -26,7 +26,8 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 def jit(function: Kernel) -> Kernel:
     """Compile a kernel when it is first called, and keep the machine code for later starts.
 
-    Strict IEEE arithmetic (no fast-math) and NumPy's division (x/0 is inf, not an exception).
+    Strict IEEE arithmetic (no fast-math) and NumPy's division (x/0 is inf, not an exception). Kernels run outside
+    Python's lock: threads may call them at once, each with arrays of its own.
     """
     try:
         return _compiled(function, cache=True)
@@ -49,7 +50,7 @@ def part(function: Kernel) -> Kernel:
 
 
 def _compiled(function: Callable[..., Any], *, cache: bool) -> Any:
-    return numba.njit(cache=cache, fastmath=False, error_model="numpy")(function)
+    return numba.njit(cache=cache, fastmath=False, error_model="numpy", nogil=True)(function)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -145,6 +145,37 @@ class Dynamics:
             low=rows.low,
             place=rows.place,
         )
+
+    @cached_property
+    def fastest_rate(self) -> float:
+        """A bound on every frequency that the structure can have at rest, rad/s."""
+        from tensctl.model.rate import fastest_rate
+
+        return fastest_rate(self.potential)
+
+    def varied(self, *, damping: Float[np.ndarray, " tendons"] | None = None, **members: np.ndarray) -> Dynamics:
+        """The same structure with other numbers; what does not depend on them is shared, not made again.
+
+        Parameters
+        ----------
+        damping : (nt,) N s/m
+        **members
+            `stiffness`, `rest_lengths`, `mass` or `forces`, as `Members` has them.
+        """
+        changed = replace(self.members, **members)
+        other = replace(
+            self,
+            potential=replace(self.potential, members=changed),
+            damping=self.damping if damping is None else damping,
+        )
+        kernel = self.kernel._replace(stiffness=changed.stiffness, mass=changed.mass, damping=other.damping)
+        shared = {"layout": self.layout, "constraints": self.constraints, "kernel": kernel}
+        if "forces" not in members and self.members.law == "k" and not self.members.forces.any():
+            stiffer = (changed.stiffness / self.members.stiffness).max(initial=1.0)
+            lighter = (changed.mass / self.members.mass).min(initial=1.0)
+            shared["fastest_rate"] = self.fastest_rate * np.sqrt(stiffer / lighter)
+        other.__dict__.update(shared)
+        return other
 
     def rod_coordinates(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "rods 6"]:
         """(q1, q2) of every rod from node positions, or their rates from node velocities."""

@@ -1,5 +1,6 @@
 """What then happens: the nonlinear structure over time, alone or under a controller."""
 
+from tensctl.simulation.batch import Batch, Variations, simulate_many
 from tensctl.simulation.controller import Controller, Measurement
 from tensctl.simulation.energy import momenta, total_energy
 from tensctl.simulation.loads import History, Load, Push, Wave
@@ -9,6 +10,7 @@ from tensctl.simulation.schedule import Schedule
 from tensctl.simulation.simulate import control_steps, simulate
 
 __all__ = [
+    "Batch",
     "Controller",
     "History",
     "Load",
@@ -17,10 +19,12 @@ __all__ = [
     "Run",
     "Sanity",
     "Schedule",
+    "Variations",
     "Wave",
     "control_steps",
     "inspect_run",
     "momenta",
     "simulate",
+    "simulate_many",
     "total_energy",
 ]

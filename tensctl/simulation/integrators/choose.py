@@ -8,7 +8,6 @@ from typing import Literal
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.simulation.integrators.base import Integrator
-from tensctl.simulation.integrators.rate import fastest_rate
 from tensctl.simulation.integrators.tables import Order
 
 Method = Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5"]
@@ -40,7 +39,7 @@ def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Choice:
     why = "asked for"
     if method == "auto":
         method, why = _fitting(dynamics, tol)
-    rate = fastest_rate(dynamics)
+    rate = dynamics.fastest_rate
     if method in _ORDERS:
         return Choice(_splitting(dynamics, _ORDERS[method], tol, rate), why)
     from tensctl.simulation.integrators.dormand_prince import DormandPrince

@@ -5,23 +5,22 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse.linalg as spl
 
-from tensctl.elements import scatter_blocks
-from tensctl.model import Dynamics
+from tensctl.elements import Potential, scatter_blocks
 
 
-def fastest_rate(dynamics: Dynamics) -> float:
+def fastest_rate(potential: Potential) -> float:
     """A bound on every frequency that the structure can have at rest, rad/s.
 
     Every tendon counts as taut and as stiff across as along: T/l across is less than k while rest lengths are positive.
     Loads swing a rod with at most omega^2 = 3 f / (m rho).
     """
-    squared = _stiffest(dynamics) + _heaviest(dynamics)
+    squared = _stiffest(potential) + _heaviest(potential)
     return float(np.sqrt(squared)) if squared > 0 else 1.0
 
 
-def _stiffest(dynamics: Dynamics) -> float:
+def _stiffest(potential: Potential) -> float:
     """Largest eigenvalue of the tendons' bound, rad^2/s^2, by Lanczos iteration."""
-    structure, members, manifold = dynamics.structure, dynamics.members, dynamics.potential.manifold
+    structure, members, manifold = potential.structure, potential.members, potential.manifold
     if manifold.size == 0 or not len(structure.tendons):
         return 0.0
     stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
@@ -38,9 +37,9 @@ def _stiffest(dynamics: Dynamics) -> float:
     return float(spl.eigsh(scaled, k=1, v0=start, tol=1e-2, return_eigenvectors=False)[0])
 
 
-def _heaviest(dynamics: Dynamics) -> float:
+def _heaviest(potential: Potential) -> float:
     """Largest of 3 f / (m rho) over moving rods, rad^2/s^2."""
-    members, manifold = dynamics.members, dynamics.potential.manifold
+    members, manifold = potential.members, potential.manifold
     loads = np.linalg.norm(members.forces, axis=1)[manifold.rods].sum(axis=1)
     moving = manifold.moving
     lever = 0.5 * manifold.lengths[moving]
