@@ -1,4 +1,4 @@
-"""A thousand random motions in which tendons go slack and taut: does the event-aware splitting stall on any of them?
+"""A thousand random motions in which tendons go slack and taut, to see whether the event-aware splitting stalls.
 
     python benchmarks/switching.py [--count 1000] [--seed 0]
 

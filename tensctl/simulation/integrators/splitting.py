@@ -3,9 +3,10 @@
     v += b h a(q),   q flies for a h;   orders 2, 4 and 6
 
 Symplectic, rod lengths and momenta to rounding. The step follows from the tolerance and a bound on the frequencies at
-rest; a probe at the start, after each switch of loads and every 64 steps compares one step with two halves, and
-shortens it for motions that are faster than that bound (spinning rods, far from rest). Splitting tables lose their
-order, and their negative sub-steps anti-damp, when kicks depend on velocity: damped scenes are refused.
+rest, and is halved while rods turn or pass faster than that; a probe at the start, after each switch of loads and
+every 64 steps compares one step with two halves, and shortens it for motions that are faster than that bound (spinning
+rods, far from rest). Splitting tables lose their order, and their negative sub-steps anti-damp, when kicks depend on
+velocity: damped scenes are refused.
 """
 
 from __future__ import annotations
@@ -56,6 +57,28 @@ def probe(data, drive, t, h, kicks, drifts, start, now, other, work):
 
 
 @jit
+def pace(lengths, v):
+    """How fast the fastest rod turns, or moves past the others in its own lengths, rad/s."""
+    x, y, z, worst = 0.0, 0.0, 0.0, 0.0
+    for r in range(lengths.size):
+        x, y, z = x + v[r, 0], y + v[r, 1], z + v[r, 2]
+    x, y, z = x / lengths.size, y / lengths.size, z / lengths.size
+    for r in range(lengths.size):
+        drift = 0.25 * ((v[r, 0] - x) ** 2 + (v[r, 1] - y) ** 2 + (v[r, 2] - z) ** 2)
+        worst = max(worst, max(drift, v[r, 3] ** 2 + v[r, 4] ** 2 + v[r, 5] ** 2) / lengths[r] ** 2)
+    return np.sqrt(worst)
+
+
+@jit
+def halvings(pace, rate):
+    """Power of two by which a step made for a rate is shortened at a pace; in powers, so that it seldom changes."""
+    shrink = 1.0
+    while pace > shrink * rate and shrink < 1e9:
+        shrink *= 2.0
+    return shrink
+
+
+@jit
 def write(q, v, out_q, out_v, k):
     """Keep a state as record k."""
     for r in range(q.shape[0]):
@@ -64,7 +87,7 @@ def write(q, v, out_q, out_v, k):
 
 
 @jit
-def march(data, drive, times, step, allowed, order, kicks, drifts, start, now, other, work, locate, out_q, out_v):
+def march(data, drive, times, step, limits, order, kicks, drifts, start, now, other, work, locate, out_q, out_v):
     """Move `now` from times[0] to times[-1] and write the state at every later time.
 
     A time within a step is reached by a step of its own from the same start, so recording does not change the motion,
@@ -75,8 +98,9 @@ def march(data, drive, times, step, allowed, order, kicks, drifts, start, now, o
     times : (m,) s
     step : float, s
         Longest step; the last before an edge is shortened with all that follow it.
-    allowed : (2,)
-        Error of a step in m per second of its length, and the rounding that is always allowed, m.
+    limits : (3,)
+        Error of a step in m per second of its length, the rounding that is always allowed, m, and the rate, rad/s,
+        that the step was made for: while rods turn or pass each other faster, it is halved as often as that takes.
     start, other : Moment
         Room to work in.
     locate : bool
@@ -98,14 +122,15 @@ def march(data, drive, times, step, allowed, order, kicks, drifts, start, now, o
         rates_at(data, drive, t, now, work)
     evaluations, switches, since, stuck = 2, 0, _PROBE, 0
     while t < t_end:
-        count = max(1.0, np.ceil((t_end - t) / step * (1 - 1e-12)))
+        shrink = halvings(pace(data.lengths, now.v), limits[2])
+        count = max(1.0, np.ceil((t_end - t) / step * shrink * (1 - 1e-12)))
         h = (t_end - t) / count
         if since >= _PROBE:
             error = probe(data, drive, t, h, kicks, drifts, start, now, other, work)
             evaluations += 3 * stages + 2
-            bound = max(allowed[0] * h, allowed[1])
+            bound = max(limits[0] * h, limits[1])
             if error > bound:
-                step = h * max(0.2, 0.9 * (bound / error) ** (1.0 / order))
+                step = shrink * h * max(0.2, 0.9 * (bound / error) ** (1.0 / order))
                 if not t + step > t:
                     return _TOO_LONG, t, step, evaluations, switches
                 continue
@@ -155,6 +180,8 @@ class Splitting:
         Error that a step may make, over the size of the structure and per second of the step; infinite: no probes.
     locate : bool
         Whether to land on slack-taut switches; without, a switch costs the step its order.
+    rate : float, rad/s
+        The rate that the step was made for; infinite: it is never halved for fast rods.
     """
 
     dynamics: Dynamics
@@ -162,13 +189,14 @@ class Splitting:
     step: float
     tol: float = np.inf
     locate: bool = True
+    rate: float = np.inf
     evaluations: int = 0
     switches: int = 0
 
     @classmethod
     def fitted(cls, dynamics: Dynamics, order: Order, tol: float, rate: float, *, locate: bool = True) -> Splitting:
         """The step that a tolerance asks for when no frequency is above `rate`, rad/s."""
-        return cls(dynamics, order, min(_REACH[order] * tol ** (1 / order), _LONGEST[order]) / rate, tol, locate)
+        return cls(dynamics, order, min(_REACH[order] * tol ** (1 / order), _LONGEST[order]) / rate, tol, locate, rate)
 
     @property
     def name(self) -> str:
@@ -186,10 +214,10 @@ class Splitting:
         start, now, other, work = self._room(drive)
         now.q[:], now.v[:] = q, v
         size = float(np.ptp(self.dynamics.structure.nodes, axis=0).max())
-        allowed = np.array([self.tol * size, _ROUNDING * size])
+        limits = np.array([self.tol * size, _ROUNDING * size, self.rate])
         table = TABLES[self.order]
         status, t, step, evaluations, switches = march(
-            self.dynamics.kernel, drive, times, self.step, allowed, self.order, table.kicks, table.drifts,
+            self.dynamics.kernel, drive, times, self.step, limits, self.order, table.kicks, table.drifts,
             start, now, other, work, self.locate, out_q, out_v,
         )  # fmt: skip
         self.evaluations += evaluations
