@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         Variations,
         Wave,
         inspect_run,
+        resume,
         simulate,
         simulate_many,
     )
@@ -84,6 +85,7 @@ _HOME = {
         "Variations",
         "Wave",
         "inspect_run",
+        "resume",
         "simulate",
         "simulate_many",
     ),
@@ -151,6 +153,7 @@ __all__ = [
     "plan_shape",
     "planar",
     "prism",
+    "resume",
     "run",
     "self_stress",
     "shell",

@@ -2,12 +2,14 @@
 
 from tensctl.simulation.batch import Batch, Variations, simulate_many
 from tensctl.simulation.controller import Controller, Measurement
+from tensctl.simulation.course import control_steps
 from tensctl.simulation.energy import momenta, total_energy
 from tensctl.simulation.loads import History, Load, Push, Wave
+from tensctl.simulation.resume import resume
 from tensctl.simulation.run import Run
 from tensctl.simulation.sanity import Sanity, inspect_run
 from tensctl.simulation.schedule import Schedule
-from tensctl.simulation.simulate import control_steps, simulate
+from tensctl.simulation.simulate import simulate
 
 __all__ = [
     "Batch",
@@ -24,6 +26,7 @@ __all__ = [
     "control_steps",
     "inspect_run",
     "momenta",
+    "resume",
     "simulate",
     "simulate_many",
     "total_energy",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+
+from tensctl.errors import SimulationError
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,3 +40,39 @@ class Controller(Protocol):
     def reset(self) -> None:
         """Forget what earlier runs left behind."""
         ...
+
+
+@runtime_checkable
+class Remembering(Protocol):
+    """A controller whose memory can be stored, so that a run under it can be resumed."""
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that it remembers of earlier steps, as arrays."""
+        ...
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Remember this."""
+        ...
+
+
+def memory_of(controller: Controller | None) -> dict[str, np.ndarray]:
+    """What a controller remembers, when it says."""
+    held = controller.state() if isinstance(controller, Remembering) else {}
+    return {f"controller.{name}": np.asarray(value) for name, value in held.items()}
+
+
+def remember(controller: Controller, state: dict[str, np.ndarray]) -> None:
+    """Let a controller remember what `memory_of` gave.
+
+    Raises
+    ------
+    SimulationError
+        For a controller that cannot.
+    """
+    if not isinstance(controller, Remembering):
+        raise SimulationError(
+            "the controller has no state() and restore(), so its memory is not in the file; start the run again."
+        )
+    controller.reset()
+    mine = {name: value for name, value in state.items() if name.startswith("controller.")}
+    controller.restore({name.removeprefix("controller."): value for name, value in mine.items()})

@@ -11,7 +11,7 @@ from tensctl.model import Dynamics
 from tensctl.simulation.actuators import Actuators
 from tensctl.simulation.controller import Controller, Measurement
 from tensctl.simulation.drive import Drive
-from tensctl.simulation.integrators import Choice
+from tensctl.simulation.integrators import Choice, carried_by
 from tensctl.simulation.loads import Load, Loads
 from tensctl.simulation.record import Record, placed, tensions_at
 from tensctl.simulation.run import Run
@@ -26,13 +26,13 @@ class Moving:
 
     def __init__(
         self, dynamics: Dynamics, choice: Choice, state: tuple[np.ndarray, np.ndarray], actuators: Actuators,
-        loads: Sequence[Load], times: np.ndarray,
+        loads: Sequence[Load], times: np.ndarray, room: int | None = None,
     ) -> None:  # fmt: skip
         self._dynamics, self._choice = dynamics, choice
         self._q, self._v = state
-        self._actuators, self._loads = actuators, Loads(dynamics, loads)
-        self._record = Record(times, len(dynamics.structure.rods), len(dynamics.structure.tendons))
-        self._status = ""
+        self.actuators, self._loads = actuators, Loads(dynamics, loads)
+        self._record = Record(times, len(dynamics.structure.rods), len(dynamics.structure.tendons), room)
+        self._status, self._told = "", 0
 
     def command(self, controller: Controller, t: float, period: float) -> None:
         """Ask the controller; from now on rest lengths ramp towards its answer."""
@@ -42,7 +42,7 @@ class Moving:
             raise SimulationError(
                 f"at {t:g} s the controller gave u of shape {u.shape}; finite {members.inputs.shape} is expected."
             )
-        self._actuators.command(u, period)
+        self.actuators.command(u, period)
         records = _records(controller)
         self._status = records[-1].status if records else "ok"
         self._record.mark(t, self._status)
@@ -50,7 +50,7 @@ class Moving:
     def begin(self, t: float) -> None:
         """Record the start, when it is asked for."""
         if self._record.times[0] == t:
-            self._record.put(slice(0, 1), self._q[None], self._v[None], self._actuators.rest[None], self._status)
+            self._record.put(slice(0, 1), self._q[None], self._v[None], self.actuators.rest[None], self._status)
 
     def advance(self, t0: float, t1: float) -> None:
         """Move from one edge to the next, and record what lies between."""
@@ -62,12 +62,33 @@ class Moving:
         if not np.isfinite(self._q).all():
             raise SimulationError(f"the motion could not be followed beyond {t0:g} s; use a smaller tol.")
         kept = slice(1, 1 + inside.size)
-        self._record.put(rows, q[kept], v[kept], self._actuators.after(inside - t0), self._status)
-        self._actuators.advance(t1 - t0)
+        self._record.put(rows, q[kept], v[kept], self.actuators.after(inside - t0), self._status)
+        self.actuators.advance(t1 - t0)
+
+    def turn(self, controller: Controller | None) -> None:
+        """Forget what is recorded so far, and go on with the next chunk."""
+        self._record.turn_to(self._record.first + self._record.here.size)
+        self._told = len(_records(controller))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that the motion from here on depends on."""
+        actuators = self.actuators
+        carried = {f"integrator.{name}": np.asarray(value) for name, value in carried_by(self._choice.integrator)}
+        return carried | {
+            "q": self._q, "v": self._v, "rest": actuators.rest, "asked": actuators.asked, "rate": actuators.rate,
+        }  # fmt: skip
+
+    def restore(self, state: dict[str, np.ndarray], count: int, status: str) -> None:
+        """Be where `state` was given, with so many records behind, and what the controller said last."""
+        self._record.turn_to(count)
+        self._q, self._v, self._status = state["q"], state["v"], status
+        self.actuators.rest, self.actuators.asked, self.actuators.rate = (state[k] for k in ("rest", "asked", "rate"))
+        for name, value in carried_by(self._choice.integrator):
+            setattr(self._choice.integrator, name, type(value)(state[f"integrator.{name}"]))
 
     def finished(self, controller: Controller | None) -> Run:
-        """The run."""
-        integrator, records = self._choice.integrator, _records(controller)
+        """The run, as far as it is still remembered."""
+        integrator, records = self._choice.integrator, _records(controller)[self._told :]
         motion = self._record.motion(self._dynamics)
         return Run(
             structure=self._dynamics.structure, time=motion.time, nodes=motion.nodes, velocities=motion.velocities,
@@ -80,7 +101,7 @@ class Moving:
         )  # fmt: skip
 
     def _drive(self, t0: float, t1: float) -> Drive:
-        actuators, acting = self._actuators, self._loads.between(t0, t1)
+        actuators, acting = self.actuators, self._loads.between(t0, t1)
         lag, tau, layout = actuators.lag(), self._dynamics.members.lag, self._dynamics.layout
         return Drive(
             float(t0), actuators.rest, actuators.rate, lag, tau if tau > 0 else 1.0, layout.spread(acting.force),
@@ -90,12 +111,12 @@ class Moving:
         )  # fmt: skip
 
     def _measurement(self) -> Measurement:
-        structure, rest = self._dynamics.structure, self._actuators.rest
+        structure, rest = self._dynamics.structure, self.actuators.rest
         nodes = placed(structure, self._q[None], structure.nodes)
         velocities = placed(structure, self._v[None], np.zeros_like(structure.nodes))
         length = structure.lengths_at(nodes[0])
         tension = tensions_at(self._dynamics, nodes, velocities, length[None], rest[None])
-        return Measurement(nodes[0], velocities[0], length, tension[0], self._actuators.inputs)
+        return Measurement(nodes[0], velocities[0], length, tension[0], self.actuators.inputs)
 
 
 def _records(controller: Controller | None) -> list[StepRecord]:

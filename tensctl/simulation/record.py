@@ -35,13 +35,24 @@ class Motion:
 
 
 class Record:
-    """Room for the states at given times, filled from front to back."""
+    """Room for the states at given times, filled from front to back; with `room`, for so many of them at once."""
 
-    def __init__(self, times: np.ndarray, rods: int, tendons: int) -> None:
-        self.times = times
-        self._q, self._v = (np.empty((times.size, rods, 6)) for _ in range(2))
-        self._rest = np.empty((times.size, tendons))
-        self._status = np.full(times.size, "", object)
+    def __init__(self, times: np.ndarray, rods: int, tendons: int, room: int | None = None) -> None:
+        self.times, self.first = times, 0
+        room = times.size if room is None else min(room, times.size)
+        self._q, self._v = (np.empty((room, rods, 6)) for _ in range(2))
+        self._rest = np.empty((room, tendons))
+        self._status = np.full(room, "", object)
+
+    @property
+    def here(self) -> np.ndarray:
+        """Times that there is room for now."""
+        return self.times[self.first : self.first + len(self._q)]
+
+    def turn_to(self, first: int) -> None:
+        """Make room for the times from `first` on; those before are forgotten."""
+        self.first, room = first, min(len(self._q), self.times.size - first)
+        self._q, self._v, self._rest, self._status = (a[:room] for a in (self._q, self._v, self._rest, self._status))
 
     def between(self, t0: float, t1: float) -> slice:
         """Rows of the times after t0 up to t1."""
@@ -49,11 +60,12 @@ class Record:
 
     def put(self, rows: slice, q: np.ndarray, v: np.ndarray, rest: np.ndarray, status: str) -> None:
         """Keep some rows."""
+        rows = slice(rows.start - self.first, rows.stop - self.first)
         self._q[rows], self._v[rows], self._rest[rows], self._status[rows] = q, v, rest, status
 
     def mark(self, t: float, status: str) -> None:
         """Say what a controller said at time t, when that is kept."""
-        self._status[self.times == t] = status
+        self._status[self.here == t] = status
 
     def motion(self, dynamics: Dynamics) -> Motion:
         """Nodes, lengths and tensions of all rows."""
@@ -62,7 +74,7 @@ class Record:
         velocities = placed(structure, self._v, np.zeros_like(structure.nodes))
         length = structure.lengths_at(nodes)
         return Motion(
-            self.times, nodes, velocities, length,
+            self.here, nodes, velocities, length,
             tensions_at(dynamics, nodes, velocities, length, self._rest), self._rest,
             (members.rest_lengths - self._rest)[:, members.inputs], self._status.astype(str),
         )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.errors import OutputError, SimulationError
+from tensctl.simulation.journal import mend
 from tensctl.structure import Structure
 
 if TYPE_CHECKING:
@@ -101,6 +103,7 @@ class Run:
             "solve_time": ("sample", self.solve_time, {"units": "s"}),
             "kkt": ("sample", self.kkt, {"long_name": "recomputed KKT residual"}),
             "relaxed": ("sample", self.relaxed, {"units": "N", "long_name": "tension floor given way by"}),
+            "structure": ((), json.dumps(self.structure.as_recipe()), {"long_name": "a scene's [structure], as JSON"}),
         }
         coordinates = {
             "time": ("time", self.time, {"units": "s"}),
@@ -128,7 +131,21 @@ class Run:
         """
         path = Path(path)
         try:
+            mend(path)
             self.to_dataset().to_netcdf(path, engine="h5netcdf")
         except OSError as error:
             raise OutputError(f"{path} cannot be written: {error.strerror or error}.") from None
         return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> Run:
+        """Read a run that `save` wrote, or `simulate` with `store`: whole, or up to its last chunk.
+
+        Raises
+        ------
+        SimulationError
+            When the file holds no run.
+        """
+        from tensctl.simulation.read import read_run
+
+        return read_run(Path(path))

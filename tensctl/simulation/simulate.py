@@ -3,38 +3,33 @@
 The controller is asked every `dt`; rest lengths ramp from where they are to its command, which they reach at the end of
 the period, no faster than `rate_max` and never below their floors; with actuator lag they follow that ramp.
 
-Integrators stop at edges only: control samples, and times at which a load begins, bends or ends. Recorded times in
-between are filled in, so recording does not change the motion.
+Integrators stop at edges only: control samples, times at which a load begins, bends or ends, and ends of chunks that go
+to disk. Recorded times in between are filled in, so recording does not change the motion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, get_args
+from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
-from tensctl.simulation.actuators import Actuators
 from tensctl.simulation.controller import Controller
-from tensctl.simulation.integrators import Method, choose_integrator
-from tensctl.simulation.loads import Load, Loads
-from tensctl.simulation.moving import Moving, Start, started
+from tensctl.simulation.course import Counter, follow, set_out
+from tensctl.simulation.integrators import Method
+from tensctl.simulation.loads import Load
+from tensctl.simulation.moving import Start, started
+from tensctl.simulation.request import Request
 from tensctl.simulation.run import Run
-from tensctl.simulation.schedule import Schedule, planned
+from tensctl.simulation.schedule import Schedule
 from tensctl.simulation.state import state_at
+from tensctl.simulation.store import Store
 
 # Control period, s, of a controller that names none: the scene's own default.
 _PERIOD = 0.02
-
-
-class Counter(Protocol):
-    """What shows the progress of a run."""
-
-    def advance(self, n: int = 1) -> None:
-        """Count n more steps as done."""
-        ...
 
 
 def simulate(
@@ -50,6 +45,8 @@ def simulate(
     schedule: Sequence[Schedule] = (),
     method: Method = "auto",
     tol: float = 1e-10,
+    store: str | Path | None = None,
+    chunk: int = 1000,
     progress: Counter | None = None,
 ) -> Run:
     """Run the nonlinear structure.
@@ -78,40 +75,32 @@ def simulate(
     tol : float
         Accuracy wanted, over the size of the structure and a second: sets the step of the splittings, and a
         hundredth of it is the error allowed in a step of the adaptive method.
+    store : path, optional
+        A netCDF file that is written while the run goes on, from which `resume` goes on after a break. Memory holds
+        one chunk at a time, and what is returned is the last of them; `Run.load` reads them all.
+    chunk : int
+        Records that go to `store` together; the integrator stops at the last of them.
 
     Raises
     ------
     SimulationError
         A start, time or controller that does not fit, or a motion that cannot be followed.
+    OutputError
+        When `store` cannot be written.
     """
     rate_max = dynamics.members.rate_max if rate_max is None else rate_max
     _check(tol, rate_max, method, controller)
-    times = _times(t_end, timepts, controller, dt)
+    request = Request(
+        _times(t_end, timepts, controller, dt), pushes, schedule, method, tol, rate_max,
+        None if controller is None else _period(controller, dt), None if store is None else _whole(chunk),
+    )  # fmt: skip
     nodes, velocities, rest = started(dynamics, start)
-    state = state_at(dynamics, nodes, velocities)
-    actuators = Actuators(dynamics.members, rest, rate_max)
-    plan = planned(dynamics, schedule, actuators, controller is not None)
-    moving = Moving(dynamics, choose_integrator(dynamics, method, tol), state, actuators, pushes, times)
-    period = None if controller is None else _period(controller, dt)
+    moving, course = set_out(dynamics, request, state_at(dynamics, nodes, velocities), rest)
     if controller is not None:
         controller.reset()
-    edges = _edges(times, np.concatenate([Loads(dynamics, pushes).edges, plan.edges]), period)
-    is_sample = np.zeros(edges.size, bool) if period is None else _samples(edges, period)
-    moving.begin(edges[0])
-    for k, t in enumerate(edges):
-        if controller is not None and is_sample[k] and period is not None:
-            moving.command(controller, t, period)
-            if progress is not None:
-                progress.advance()
-        if k + 1 < edges.size:
-            plan.follow(actuators, t, edges[k + 1])
-            moving.advance(t, edges[k + 1])
-    return moving.finished(controller)
-
-
-def control_steps(t_end: float, period: float) -> int:
-    """How many control steps a run takes, for progress bars."""
-    return int(np.floor(t_end / period * (1 + 1e-12))) + 1
+    moving.begin(course.edges[0])
+    file = None if store is None else Store(Path(store), dynamics, request)
+    return follow(moving, course, controller, progress, file)
 
 
 def _check(tol: float, rate_max: float, method: str, controller: Controller | None) -> None:
@@ -126,6 +115,12 @@ def _check(tol: float, rate_max: float, method: str, controller: Controller | No
             raise SimulationError(
                 f"the controller has no {call}(); give an object with step(t, measurement) and reset()."
             )
+
+
+def _whole(chunk: int) -> int:
+    if int(chunk) != chunk or chunk < 1:
+        raise SimulationError(f"chunk is {chunk}; a whole number of records, at least 1, is expected.")
+    return int(chunk)
 
 
 def _times(t_end, timepts, controller, dt) -> np.ndarray:
@@ -151,19 +146,3 @@ def _period(controller: Controller, dt: float | None) -> float:
     if not (np.isfinite(period) and period > 0):
         raise SimulationError(f"the control period dt is {period}; a time > 0 s is expected.")
     return float(period)
-
-
-def _edges(times: np.ndarray, others: np.ndarray, period: float | None) -> np.ndarray:
-    """Every time at which something changes; one that differs from a recorded time by rounding only is that time."""
-    end = times[-1]
-    samples = np.zeros(0) if period is None else period * np.arange(control_steps(end, period))
-    edges = np.unique(np.concatenate([[0.0], samples, others]))
-    edges = np.append(edges[edges < end], end)
-    nearest = times[np.abs(times[:, None] - edges[None]).argmin(axis=0)]
-    edges = np.unique(np.where(np.abs(nearest - edges) <= 1e-12 * max(end, 1e-300), nearest, edges))
-    return edges[np.concatenate([[True], np.diff(edges) > 1e-12 * max(end, 1e-300)])]
-
-
-def _samples(edges: np.ndarray, period: float) -> np.ndarray:
-    phase = edges / period
-    return np.abs(phase - np.rint(phase)) <= 1e-9

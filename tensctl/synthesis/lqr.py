@@ -94,6 +94,13 @@ class LQR:
     def reset(self) -> None:
         """Nothing to forget."""
 
+    def state(self) -> dict[str, np.ndarray]:
+        """Nothing is remembered from step to step, so runs under it can be stored and resumed."""
+        return {}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Nothing to remember."""
+
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""
         members, equilibrium = self.linear.dynamics.members, self.linear.equilibrium

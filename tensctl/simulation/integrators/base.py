@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 from typing import Protocol
 
 import numpy as np
@@ -11,6 +12,8 @@ from tensctl.simulation.drive import Drive
 
 class Integrator(Protocol):
     """Moves the rods' state through times.
+
+    What it carries from one march to the next are numbers among its fields, so a run that is stored can go on.
 
     Attributes
     ----------
@@ -40,6 +43,12 @@ class Integrator(Protocol):
             When the motion cannot be followed, with what to try.
         """
         ...
+
+
+def carried_by(integrator: Integrator) -> list[tuple[str, int | float]]:
+    """Numbers among an integrator's fields, with their names."""
+    held = [(f.name, getattr(integrator, f.name)) for f in fields(integrator)] if is_dataclass(integrator) else []
+    return [(name, value) for name, value in held if isinstance(value, int | float)]
 
 
 class Stepwise:
