@@ -32,6 +32,11 @@ class FakeStructure:
     tendons: np.ndarray
     tendon_labels: tuple[str, ...]
     pinned: np.ndarray
+    planar: bool = False
+
+    @property
+    def guides(self) -> np.ndarray:
+        return np.zeros_like(self.nodes, bool)
 
     @property
     def grounded_tendons(self) -> np.ndarray:

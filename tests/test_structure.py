@@ -301,15 +301,3 @@ def test_recipe_round_trip_is_exact(built):
     assert again.tendons.tolist() == built.tendons.tolist()
     for names in ("node_labels", "rod_labels", "tendon_labels"):
         assert getattr(again, names) == getattr(built, names)
-
-
-@pytest.mark.parametrize(
-    ("structure", "words"),
-    [
-        (tc.prism(3, pins={"a1": "z"}), "nodes held in some directions only"),
-        (tc.planar([[0, 0], [1, 0]], [[0, 1]], []), "planar structures"),
-    ],
-)
-def test_what_has_no_mechanics_yet_is_refused(structure, words):
-    with pytest.raises(tc.StructureError, match=f"{words} can be described, but"):
-        tc.find_equilibrium(tc.Scene(structure=structure))

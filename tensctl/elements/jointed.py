@@ -1,18 +1,19 @@
-"""Rods that meet in ball joints: the rods' manifold cut by closed joints.
+"""Rods that meet in ball joints or slide along guides: the rods' manifold cut by linear rows.
 
-Every rod keeps two ends of its own; a joint asks p_a - p_b = 0 of two of them, A xi = 0 in the rods' tangent
-coordinates. Coordinates y of what is left are square in the mass metric, xi = Z y, Z'M Z = m I, m the mean rod mass:
+Every rod keeps two ends of its own. A joint asks p_a - p_b = 0 of two of them (a row a direction), a guide holds one
+component of one, p_a,i = b: C p = b, and A xi = 0, A = C J, in the rods' tangent coordinates. Coordinates y of what is
+left are square in the mass metric, xi = Z y, Z'M Z = m I, m the mean rod mass:
 
-    gradient Z'g,   Hessian Z' (H + curvature under the joint forces mu) Z,   mu = argmin |M^-1/2 (g + A'mu)|
+    gradient Z'g,   Hessian Z' (H + curvature under the row forces mu) Z,   mu = argmin |M^-1/2 (g + A'mu)|
 
-A step goes along Z y and closes the joints again square to it, so rod lengths are exact and joints closed to rounding.
-Redundant joints (loops of rods) lower the rank of A; it is decided once, at the structure's own nodes, from the
-diagonal of a pivoted QR.
+A step goes along Z y and comes back to the rows square to it, so rod lengths are exact and joints closed to rounding.
+Redundant rows (loops of rods) lower the rank of A; it is decided once, at the structure's own nodes, from the diagonal
+of a pivoted QR. Rows that are redundant there and nowhere else lock or branch, and are refused.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,11 +29,14 @@ from tensctl.structure import Structure
 _REDUNDANT = 1e-9
 _CLOSED = 1e-15
 _CLOSINGS = 30
+# A step of this part of the mean rod length has to arrive where it aims, to a half of itself, where rows are redundant.
+_NEARBY = 1e-3
+_ARRIVES = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class JointedManifold:
-    """Tangent coordinates of rods with ball joints; the same calls as `RodManifold`.
+    """Tangent coordinates of rods with joints and guides; the same calls as `RodManifold`.
 
     Attributes
     ----------
@@ -43,12 +47,14 @@ class JointedManifold:
     end_node : (2 nr,) int
     shown : (N,) int
         The end that stands for each node, -1 for a node without a rod.
-    pairs : (joints, 2) int
-        Ends that coincide.
+    first, second : (nc,) int
+        Coordinates 3 end + axis with the entries +1 and -1 of each row of C; second is -1 for a guide.
+    target : (nc,) m
+        b: 0 for a joint, where the ground holds a guide.
     weights : (size of ends,)
         Mean rod mass over the mass of each coordinate.
     rank : int
-        Independent joint equations.
+        Independent rows.
     anchor : (N, 3) m
         Where the structure has its nodes; nodes without a rod stay there.
     """
@@ -57,28 +63,33 @@ class JointedManifold:
     ends: RodManifold
     end_node: Int[np.ndarray, " ends"]
     shown: Int[np.ndarray, " nodes"]
-    pairs: Int[np.ndarray, "joints 2"]
+    first: Int[np.ndarray, " rows"]
+    second: Int[np.ndarray, " rows"]
+    target: Float[np.ndarray, " rows"]
     weights: Float[np.ndarray, " coordinates"]
     rank: int
     anchor: Float[np.ndarray, "nodes 3"]
 
     @classmethod
     def of(cls, structure: Structure, rod_mass: Float[np.ndarray, " rods"]) -> JointedManifold:
-        """The manifold of a structure whose rods share nodes.
+        """The manifold of a structure whose rods share nodes or are guided.
 
         Raises
         ------
         StructureError
-            When double precision cannot tell how many joint equations are independent.
+            When double precision cannot tell how many rows are independent, or when rows lock.
         """
         end_node = structure.rods.ravel()
         split = np.arange(end_node.size).reshape(-1, 2)
         free = RodManifold.of(structure)
-        ends = RodManifold(split, free.hold, free.lengths, end_node.size)
-        shown, pairs = _joints(structure)
+        ends = RodManifold(split, free.hold, free.lengths, end_node.size, free.planar)
+        shown, first, second = _rows(structure)
+        target = np.where(second < 0, structure.nodes[end_node].ravel()[first], 0.0)
         weights = rod_mass.mean() / ends.mass(rod_mass)
-        rough = cls(structure.rods, ends, end_node, shown, pairs, weights, 0, structure.nodes)
-        return cls(structure.rods, ends, end_node, shown, pairs, weights, rough._find_rank(), structure.nodes)
+        rough = cls(structure.rods, ends, end_node, shown, first, second, target, weights, 0, structure.nodes)
+        manifold = replace(rough, rank=rough._find_rank())
+        manifold._check_regular()
+        return manifold
 
     @property
     def hold(self) -> Int[np.ndarray, " rods"]:
@@ -120,44 +131,42 @@ class JointedManifold:
         has_rod = np.flatnonzero(self.shown >= 0)
         rows, ends = (3 * k[:, None] + np.arange(3) for k in (has_rod, self.shown[has_rod]))
         full[rows.ravel()] = moved[ends.ravel()]
-        full[np.repeat(self._pinned_nodes, 3)] = 0.0
+        full[self._held] = 0.0
         return sp.csr_array(full)
 
     def bend(
         self, nodes: Float[np.ndarray, "nodes 3"], gradient: Float[np.ndarray, "nodes 3"]
     ) -> Float[np.ndarray, "size size"]:
-        """What the bend of the manifold adds to the Hessian under a nodal gradient and its joint forces, N/m."""
+        """What the bend of the manifold adds to the Hessian under a nodal gradient and the rows' forces, N/m."""
         at_ends = np.zeros((self.end_node.size, 3))
         has_rod = np.flatnonzero(self.shown >= 0)
         at_ends[self.shown[has_rod]] = gradient[has_rod]
         J, root = self.ends.tangent(nodes[self.end_node]), np.sqrt(self.weights)
         jacobian = self._jacobian(J)
         pull = root * (J.T @ at_ends.ravel())
-        joint, *_ = np.linalg.lstsq((jacobian * root).T, -pull, rcond=_REDUNDANT)
-        joint = joint.reshape(-1, 3)
-        np.add.at(at_ends, self.pairs[:, 0], joint)
-        np.subtract.at(at_ends, self.pairs[:, 1], joint)
+        tied, *_ = np.linalg.lstsq((jacobian * root).T, -pull, rcond=_REDUNDANT)
+        at_ends += (self._matrix.T @ tied).reshape(-1, 3)
         basis = self._basis(nodes)
         return basis.T @ (self.ends.curvature(nodes[self.end_node], at_ends)[:, None] * basis)
 
     def retract(
         self, nodes: Float[np.ndarray, "nodes 3"], step: Float[np.ndarray, " size"]
     ) -> Float[np.ndarray, "nodes 3"]:
-        """Nodes after a step, with exact rod lengths and closed joints."""
+        """Nodes after a step, with exact rod lengths, closed joints and kept guides."""
         ends = self.ends.retract(nodes[self.end_node], self._basis(nodes) @ step)
         root, size, before = np.sqrt(self.weights), np.ptp(self.anchor, axis=0).max(), np.inf
         for _ in range(_CLOSINGS):
-            gap = ends[self.pairs[:, 0]] - ends[self.pairs[:, 1]]
+            gap = self._matrix @ ends.ravel() - self.target
             worst = np.abs(gap).max(initial=0.0)
             if worst <= _CLOSED * size or not worst < before:
                 break
             before = worst
             jacobian = self._jacobian(self.ends.tangent(ends)) * root
-            back, *_ = np.linalg.lstsq(jacobian, -gap.ravel(), rcond=_REDUNDANT)
+            back, *_ = np.linalg.lstsq(jacobian, -gap, rcond=_REDUNDANT)
             ends = self.ends.retract(ends, root * back)
         moved, has_rod = nodes.copy(), self.shown >= 0
         moved[has_rod] = ends[self.shown[has_rod]]
-        return moved
+        return np.where(self._held.reshape(-1, 3), self.anchor, moved)
 
     def logarithm(
         self, reference: Float[np.ndarray, "nodes 3"], nodes: Float[np.ndarray, "nodes 3"]
@@ -179,21 +188,31 @@ class JointedManifold:
     def coordinates_of(
         self, nodes: Float[np.ndarray, "nodes 3"], motion: Float[np.ndarray, "coordinates k"]
     ) -> Float[np.ndarray, "size k"]:
-        """Coordinates y of nodal displacements (3N, k) that keep rods rigid and joints closed."""
+        """Coordinates y of nodal displacements (3N, k) that keep rods rigid, joints closed and guides."""
         rows = (3 * self.end_node[:, None] + np.arange(3)).ravel()
         xi = self.ends.coordinates_of(nodes[self.end_node], motion[rows])
         return self._basis(nodes).T @ (xi / self.weights[:, None])
 
     @cached_property
-    def _pinned_nodes(self) -> np.ndarray:
-        held = np.zeros(len(self.anchor), bool)
-        held[self.end_node[self.ends.sign.ravel() == 0]] = True
+    def _held(self) -> np.ndarray:
+        """Nodal coordinates that never move, (3N,) bool."""
+        at_ends = np.repeat(self.ends.sign.ravel() == 0, 3)
+        at_ends[self.first[self.second < 0]] = True
+        held = np.zeros(self.anchor.size, bool)
+        held[(3 * self.end_node[:, None] + np.arange(3)).ravel()[at_ends]] = True
         return held
 
+    @cached_property
+    def _matrix(self) -> sp.csr_array:
+        """C, (nc, 3 ends)."""
+        row, two = np.arange(self.first.size), self.second >= 0
+        entries = np.concatenate([np.ones(row.size), -np.ones(int(two.sum()))])
+        index = np.concatenate([row, row[two]]), np.concatenate([self.first, self.second[two]])
+        return sp.csr_array(sp.coo_array((entries, index), shape=(row.size, 3 * self.end_node.size)))
+
     def _jacobian(self, J: sp.csr_array) -> np.ndarray:
-        """A: how joints open with the rods' coordinates, (3 joints, size of ends)."""
-        first, second = (3 * self.pairs[:, k][:, None] + np.arange(3) for k in (0, 1))
-        return (J[first.ravel()] - J[second.ravel()]).toarray()
+        """A: how rows change with the rods' coordinates, (nc, size of ends)."""
+        return (self._matrix @ J).toarray()
 
     def _factor(self, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         jacobian = self._jacobian(self.ends.tangent(nodes[self.end_node])) * np.sqrt(self.weights)
@@ -201,7 +220,7 @@ class JointedManifold:
         return Q, np.abs(np.diag(R))
 
     def _basis(self, nodes: np.ndarray) -> Float[np.ndarray, "coordinates size"]:
-        """Z: square in the mass metric, joints stay closed along it."""
+        """Z: square in the mass metric, rows keep their values along it."""
         key = nodes.tobytes()
         if self._kept.get("key") != key:
             Q, _ = self._factor(nodes)
@@ -220,19 +239,36 @@ class JointedManifold:
         close = sizes[(sizes > 1e-13) & (sizes < 1e-6)]
         if close.size:
             raise StructureError(
-                f"the joints are independent or redundant by {close[0]:.0e} of their size, which double precision "
-                "cannot tell; move the nodes a little, or leave a redundant joint out."
+                f"joints or guides are independent or redundant by {close[0]:.0e} of their size, which double "
+                "precision cannot tell; move the nodes a little, or leave a redundant one out."
             )
         return rank
 
+    def _check_regular(self) -> None:
+        """Rows that are redundant at the structure's own nodes only leave no manifold there."""
+        if self.rank == self.first.size or self.size == 0:
+            return
+        way = np.random.default_rng(0).standard_normal(self.size)
+        step = _NEARBY * self.ends.lengths.mean() / np.linalg.norm(way) * way
+        arrived = self.logarithm(self.anchor, self.retract(self.anchor, step))
+        if not np.linalg.norm(arrived - step) <= _ARRIVES * np.linalg.norm(step):
+            raise StructureError(
+                f"joints and guides lock or branch at the structure's own nodes, where {self.rank} of their "
+                f"{self.first.size} conditions are independent; move the nodes a little, or hold fewer directions."
+            )
 
-def _joints(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
-    """The end that stands for each node, and the pairs of free ends that share one."""
-    end_node = structure.rods.ravel()
-    shown, pairs = np.full(len(structure.nodes), -1), []
+
+def _rows(structure: Structure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The end that stands for each node, and both coordinates of every joint's and guide's rows."""
+    end_node, axes = structure.rods.ravel(), range(structure.dimension)
+    shown, first, second = np.full(len(structure.nodes), -1), [], []
     for end, node in enumerate(end_node):
         if shown[node] < 0:
             shown[node] = end
         elif not structure.pinned[node]:
-            pairs.append((shown[node], end))
-    return shown, np.array(pairs, int).reshape(-1, 2)
+            first += [3 * shown[node] + axis for axis in axes]
+            second += [3 * end + axis for axis in axes]
+    guided, axis = np.nonzero(structure.guides & (shown >= 0)[:, None])
+    first = np.concatenate([np.array(first, int), 3 * shown[guided] + axis])
+    second = np.concatenate([np.array(second, int), np.full(guided.size, -1)])
+    return shown, first, second

@@ -8,6 +8,7 @@ displacements of rod ends, so the map to nodal displacements has entries of size
 
 which gives the Riemannian Hessian J'VppJ - sum (s e . Vp / rho) I: the term of the rod's compression.
 In these coordinates the mass matrix is diagonal: m for centres, m/3 for directions ([S] A.2, A.10).
+In a plane a centre has two coordinates and a direction one, along z x e.
 """
 
 from __future__ import annotations
@@ -33,19 +34,27 @@ class RodManifold:
     hold : (nr,) int, values of `Hold`
     lengths : (nr,) m
     node_count : int
+    planar : bool
+        Whether rods stay in the plane z = 0: 2 + 1 coordinates a free rod, 1 a rod held at one end.
     """
 
     rods: Int[np.ndarray, "rods 2"]
     hold: Int[np.ndarray, " rods"]
     lengths: Float[np.ndarray, " rods"]
     node_count: int
+    planar: bool = False
 
     @classmethod
     def of(cls, structure: Structure) -> RodManifold:
         """The manifold of a structure with its rods and pins."""
         held = structure.pinned[structure.rods]
         hold = np.select([held.all(axis=1), held[:, 0], held[:, 1]], [Hold.FIXED, Hold.TAIL, Hold.HEAD], Hold.FREE)
-        return cls(structure.rods, hold.astype(int), structure.rod_lengths, len(structure.nodes))
+        return cls(structure.rods, hold.astype(int), structure.rod_lengths, len(structure.nodes), structure.planar)
+
+    @property
+    def dimension(self) -> int:
+        """3, or 2 when planar."""
+        return 2 if self.planar else 3
 
     @cached_property
     def free(self) -> Int[np.ndarray, " free"]:
@@ -70,19 +79,19 @@ class RodManifold:
         return np.column_stack([np.where(tail_free, -1.0, 0.0), np.where(head_free, 1.0, 0.0)])
 
     @cached_property
-    def centre_columns(self) -> Int[np.ndarray, "free 3"]:
+    def centre_columns(self) -> Int[np.ndarray, "free dimension"]:
         """Coordinates of the free rods' centres."""
-        return self._first_column[self.free][:, None] + np.arange(3)
+        return self._first_column[self.free][:, None] + np.arange(self.dimension)
 
     @cached_property
-    def direction_columns(self) -> Int[np.ndarray, "moving 2"]:
+    def direction_columns(self) -> Int[np.ndarray, "moving turns"]:
         """Coordinates of the moving rods' directions."""
-        first = self._first_column[self.moving] + 3 * (self.hold[self.moving] == Hold.FREE)
-        return first[:, None] + np.arange(2)
+        first = self._first_column[self.moving] + self.dimension * (self.hold[self.moving] == Hold.FREE)
+        return first[:, None] + np.arange(self.dimension - 1)
 
     @cached_property
     def _sizes(self) -> np.ndarray:
-        return np.select([self.hold == Hold.FREE, self.hold == Hold.FIXED], [5, 0], 2)
+        return np.select([self.hold == Hold.FREE, self.hold == Hold.FIXED], [2 * self.dimension - 1, 0], self.dimension - 1)
 
     @cached_property
     def _first_column(self) -> np.ndarray:
@@ -105,9 +114,11 @@ class RodManifold:
         e = nodes[self.rods[:, 1]] - nodes[self.rods[:, 0]]
         return e / np.linalg.norm(e, axis=1, keepdims=True)
 
-    def frames(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "rods 2 3"]:
-        """Two unit vectors across each rod, square to it and to each other."""
+    def frames(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "rods turns 3"]:
+        """Unit vectors across each rod, square to it and to each other: two, or one in a plane."""
         e = self.directions(nodes)
+        if self.planar:
+            return np.cross([0.0, 0.0, 1.0], e)[:, None]
         across = np.eye(3)[np.abs(e).argmin(axis=1)]
         first = np.cross(e, across)
         first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -118,13 +129,13 @@ class RodManifold:
         frames = self.frames(nodes)
         rows, columns, values = [], [], []
         for side in (0, 1):
-            row = 3 * self.rods[self.free, side][:, None] + np.arange(3)
+            row = 3 * self.rods[self.free, side][:, None] + np.arange(self.dimension)
             rows.append(row.ravel())
             columns.append(self.centre_columns.ravel())
             values.append(np.ones(row.size))
             at = self.moving[self.sign[self.moving, side] != 0]
             column = self.direction_columns[self.sign[self.moving, side] != 0]
-            row = np.broadcast_to(3 * self.rods[at, side][:, None, None] + np.arange(3), (at.size, 2, 3))
+            row = np.broadcast_to(3 * self.rods[at, side][:, None, None] + np.arange(3), (*column.shape, 3))
             rows.append(row.ravel())
             columns.append(np.broadcast_to(column[:, :, None], row.shape).ravel())
             values.append((self.sign[at, side][:, None, None] * frames[at]).ravel())
@@ -164,7 +175,7 @@ class RodManifold:
         turned = np.cos(angle)[:, None] * e + (np.sinc(angle / np.pi) / self.lever)[:, None] * tau
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
         moved = self._base(nodes)
-        moved[self.free] += step[self.centre_columns]
+        moved[self.free, : self.dimension] += step[self.centre_columns]
         return self._ends(nodes, moved, turned)
 
     def logarithm(
@@ -204,7 +215,7 @@ class RodManifold:
 
     def _coordinates(self, reference: np.ndarray, centre: np.ndarray, tau: np.ndarray) -> np.ndarray:
         step = np.zeros(self.size)
-        step[self.centre_columns] = centre[self.free]
+        step[self.centre_columns] = centre[self.free, : self.dimension]
         step[self.direction_columns] = np.einsum("ri,rki->rk", tau, self.frames(reference))[self.moving]
         return step
 

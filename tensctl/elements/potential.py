@@ -17,7 +17,6 @@ from tensctl.elements.assembly import TendonTerms, tendon_terms
 from tensctl.elements.cables import CableTerms, cable_terms
 from tensctl.elements.jointed import JointedManifold
 from tensctl.elements.manifold import RodManifold
-from tensctl.errors import StructureError
 from tensctl.structure import Members, Structure, build_members, build_structure
 
 if TYPE_CHECKING:
@@ -40,9 +39,8 @@ class Potential:
     def of(cls, scene: Scene) -> Potential:
         """The potential of a scene."""
         structure = build_structure(scene)
-        _check_plain(structure)
         members = build_members(scene, structure)
-        if structure.jointed:
+        if structure.jointed or structure.has_guides:
             return cls(structure, members, JointedManifold.of(structure, members.mass))
         return cls(structure, members, RodManifold.of(structure))
 
@@ -107,12 +105,3 @@ class PotentialPoint:
     def input_map(self) -> sp.csr_array:
         """Force in tangent coordinates per unit of rest-length shortening of each tendon, (size, nt), N/m."""
         return sp.csr_array(-(self.tangent.T @ self.terms.input_map))
-
-
-def _check_plain(structure: Structure) -> None:
-    for there, what in (
-        (structure.has_guides, "nodes held in some directions only"),
-        (structure.planar, "planar structures"),
-    ):
-        if there:
-            raise StructureError(f"{what} can be described, but their mechanics are not supported yet.")

@@ -8,8 +8,8 @@ bar 77 times as long as its radius. Whatever it is, it moves no node: every forc
 rod about it, a spin that starts at zero stays zero, and the gyroscopic terms, all proportional to it, vanish.
 
 What MuJoCo has otherwise: its tendon damper also acts on slack tendons and can push, where tensctl's carries nothing;
-damped models agree as long as every damped tendon is taut and pulls. Its connect constraints are springs, not joints,
-so structures whose rods share a moving node are refused.
+damped models agree as long as every damped tendon is taut and pulls. Its constraints are springs, neither joints nor
+guides, so structures whose rods share a moving node, guided and planar ones are refused.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.elements import Hold
-from tensctl.errors import OutputError
+from tensctl.errors import OutputError, StructureError
 from tensctl.model import Dynamics, build_dynamics
 from tensctl.statics import find_equilibrium
-from tensctl.structure import Structure
+from tensctl.structure import Structure, refuse_partial
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene
@@ -63,8 +63,15 @@ def write_mjcf(scene: Scene, path: str | Path) -> Path:
 
 
 def mjcf(dynamics: Dynamics, *, title: str = "", equilibrium: Float[np.ndarray, "nodes 3"] | None = None) -> str:
-    """The MJCF text of a structure with its materials, numbers exact to the last bit."""
+    """The MJCF text of a structure with its materials, numbers exact to the last bit.
+
+    Raises
+    ------
+    StructureError
+        A structure with joints or guides, or in a plane.
+    """
     structure, members = dynamics.structure, dynamics.members
+    _check_untied(structure)
     root = Xml.Element("mujoco", model=title or "tensctl")
     Xml.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     # Contacts off: rods are lines, which pass through each other as they do in tensctl.
@@ -104,6 +111,15 @@ def mujoco_state(
         place.append(turn if kind == Hold.FREE else _since(_turn(first), turn))
         speed.append(_matrix(turn).T @ np.cross(vector, rate) / (vector @ vector))
     return np.concatenate(place), np.concatenate(speed)
+
+
+def _check_untied(structure: Structure) -> None:
+    refuse_partial(structure, "MuJoCo holds single directions by springs only", "pin whole nodes of a network")
+    if structure.jointed:
+        raise StructureError(
+            "rods of this structure share a moving node, and MuJoCo joins bodies by springs only; "
+            "give each rod nodes of its own."
+        )
 
 
 def _add_ground(world: Xml.Element, structure: Structure) -> None:

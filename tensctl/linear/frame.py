@@ -58,13 +58,21 @@ def best_fit(
     moments = _products(rods, mass, nodes - c_now, reference - c_ref)
     left, _, right = np.linalg.svd(moments)
     turn = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
-    rotation = left @ turn @ right
+    rotation = _turned(moments) if potential.structure.planar else left @ turn @ right
     drift = mass_centre(potential, velocities)
     shape = _products(rods, mass, nodes - c_now, nodes - c_now)
     inertia = np.trace(shape) * np.eye(3) - shape
     moving = _products(rods, mass, nodes - c_now, velocities - drift)
     momentum = np.array([moving[1, 2] - moving[2, 1], moving[2, 0] - moving[0, 2], moving[0, 1] - moving[1, 0]])
-    return Frame(rotation, c_now, c_ref, drift, np.linalg.solve(inertia, momentum))
+    spin = momentum / inertia[2, 2] if potential.structure.planar else np.linalg.solve(inertia, momentum)
+    return Frame(rotation, c_now, c_ref, drift, spin)
+
+
+def _turned(moments: np.ndarray) -> np.ndarray:
+    """The best turn within the plane z = 0, where a fit in space could turn the plane over."""
+    angle = np.arctan2(moments[1, 0] - moments[0, 1], moments[0, 0] + moments[1, 1])
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _products(rods: np.ndarray, mass: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

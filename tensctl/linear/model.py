@@ -140,8 +140,8 @@ class LinearModel:
         return LinearModel(self.dynamics, self.equilibrium, kept, self.outputs_map)
 
     def frame(self, nodes: Float[np.ndarray, "nodes 3"], velocities: Float[np.ndarray, "nodes 3"]) -> Frame | None:
-        """The co-moving frame of a free structure; None when pins hold it."""
-        if self.dynamics.structure.pinned.any():
+        """The co-moving frame of a free structure; None when the ground holds anything of it."""
+        if self.dynamics.structure.held.any():
             return None
         return best_fit(self.equilibrium.potential, self.equilibrium.nodes, nodes, velocities)
 
@@ -248,7 +248,7 @@ def _same(dynamics: Dynamics, equilibrium: Equilibrium) -> bool:
         (ours.structure.rods, theirs.structure.rods),
         (ours.structure.segments, theirs.structure.segments),
         (ours.structure.segment_tendon, theirs.structure.segment_tendon),
-        (ours.structure.pinned, theirs.structure.pinned),
+        (ours.structure.held, theirs.structure.held),
         (ours.members.stiffness, theirs.members.stiffness),
         (ours.members.mass, theirs.members.mass),
         (ours.members.forces, theirs.members.forces),

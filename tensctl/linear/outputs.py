@@ -53,9 +53,8 @@ def safe_label(label: str) -> str:
 
 def _nodes(dynamics: Dynamics, equilibrium: Equilibrium) -> OutputMap:
     structure = dynamics.structure
-    free = np.flatnonzero(~structure.pinned)
-    labels = tuple(f"{safe_label(structure.node_labels[a])}_{axis}" for a in free for axis in "xyz")
-    rows = (3 * free[:, None] + np.arange(3)).ravel()
+    rows = np.flatnonzero(structure.free)
+    labels = tuple(f"{safe_label(structure.node_labels[k // 3])}_{'xyz'[k % 3]}" for k in rows)
     position = equilibrium.point.tangent[rows].toarray()
     return OutputMap(labels, position, 0 * position, np.zeros((rows.size, len(structure.tendons))))
 

@@ -53,10 +53,7 @@ class Constraints:
         if isinstance(manifold, RodManifold):
             none = np.zeros(0, int)
             return cls(none, none, np.zeros(0), np.zeros((0, 2), int), none, np.zeros(1, int))
-        axis = np.arange(3)
-        first = (3 * manifold.pairs[:, :1] + axis).ravel()
-        second = (3 * manifold.pairs[:, 1:] + axis).ravel()
-        target = np.zeros(first.size)
+        first, second, target = manifold.first, manifold.second, manifold.target
         keep = _independent(manifold, first, second)
         first, second, target = first[keep], second[keep], target[keep]
         order = _order(first, second)

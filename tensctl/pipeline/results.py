@@ -75,7 +75,7 @@ class Results:
 
 def distance_in_frame(wanted: Equilibrium, run: Run) -> np.ndarray:
     """Largest distance of a node to the wanted shape, m; a free structure is measured in its co-moving frame."""
-    if run.structure.pinned.any():
+    if run.structure.held.any():
         return run.distance_to(wanted.nodes)
     from tensctl.linear import best_fit
 

@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from tensctl.report.case import Case
 from tensctl.report.floor import floor_story
 from tensctl.report.numbers import count, number, plain, plural, seconds
+from tensctl.structure import Structure
 
 GOOD, BAD, DOUBT, PLAIN = "good", "bad", "doubt", ""
 _NOT_DRIVEN = (("no", "not driven"), ("undecided", "undecided"))
@@ -44,12 +43,11 @@ def verdict(case: Case) -> Tile | None:
 
 def _built(case: Case) -> list[Tile]:
     structure, linear = case.structure, case.linear
-    pinned = int(np.count_nonzero(structure.pinned))
     facts = [
         Tile(
             "Rods",
             count(len(structure.rods)),
-            f"{plural(pinned, 'node')} pinned" if pinned else "free in space",
+            _ground(structure),
         ),
         Tile("Tendons", count(len(structure.tendons))),
     ]
@@ -117,3 +115,10 @@ def _ran(case: Case) -> list[Tile]:
     if case.seconds:
         facts.append(Tile("Run time", seconds(sum(case.seconds.values())), plural(len(case.seconds), "stage")))
     return facts
+
+
+def _ground(structure: Structure) -> str:
+    """What the ground holds, in words."""
+    pinned, guided = int(structure.pinned.sum()), int(structure.guides.any(axis=1).sum())
+    held = [f"{plural(n, 'node')} {how}" for n, how in ((pinned, "pinned"), (guided, "guided")) if n]
+    return " and ".join(held) or ("free in the plane" if structure.planar else "free in space")

@@ -1,7 +1,8 @@
 """Force balance: what rods and ground carry, and what is left over.
 
 At a free node f + lambda-force of its rod = 0; the best compression c of a free rod along e splits the misfit
-of both ends, c = e . (f_tail - f_head)/2, and a rod with one end held has c = -s e . f at its free end.
+of both ends, c = e . (f_tail - f_head)/2, and a rod with one end held has c = -s e . f at its free end. Where rods
+share nodes or are guided, all c follow together; the ground carries what is left in held directions.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ def rod_forces(point: PotentialPoint) -> Float[np.ndarray, " rods"]:
     Source: [W] section 3, in member vectors.
     """
     manifold, structure = point.potential.manifold, point.potential.structure
-    return _thrust(manifold, structure.pinned, point.nodes, point.nodal_forces)
+    return _thrust(manifold, structure.held, point.nodes, point.nodal_forces)
 
 
 def unbalanced(point: PotentialPoint) -> Float[np.ndarray, "nodes 3"]:
     """Nodal forces left after the best rod and ground forces are taken away, N."""
     manifold, structure = point.potential.manifold, point.potential.structure
-    return left_over(manifold, structure.pinned, point.nodes, point.nodal_forces)
+    return left_over(manifold, structure.held, point.nodes, point.nodal_forces)
 
 
 def residual(point: PotentialPoint) -> float:
@@ -58,35 +59,35 @@ def relative(left: np.ndarray, tensions: np.ndarray, forces: np.ndarray) -> floa
 
 
 def left_over(
-    manifold: RodManifold | JointedManifold, pinned: np.ndarray, nodes: np.ndarray, forces: np.ndarray
+    manifold: RodManifold | JointedManifold, held: np.ndarray, nodes: np.ndarray, forces: np.ndarray
 ) -> Float[np.ndarray, "nodes 3"]:
     """Nodal forces less the best rod and ground forces, N."""
     left = forces.copy()
-    thrust = _thrust(manifold, pinned, nodes, forces)[:, None] * manifold.directions(nodes)
+    thrust = _thrust(manifold, held, nodes, forces)[:, None] * manifold.directions(nodes)
     np.add.at(left, manifold.rods[:, 0], -thrust)
     np.add.at(left, manifold.rods[:, 1], thrust)
-    left[pinned] = 0.0
+    left[held] = 0.0
     return left
 
 
 def _thrust(
-    manifold: RodManifold | JointedManifold, pinned: np.ndarray, nodes: np.ndarray, forces: np.ndarray
+    manifold: RodManifold | JointedManifold, held: np.ndarray, nodes: np.ndarray, forces: np.ndarray
 ) -> Float[np.ndarray, " rods"]:
     e = manifold.directions(nodes)
     if isinstance(manifold, JointedManifold):
-        return _shared_thrust(manifold.rods, e, pinned, forces)
+        return _shared_thrust(manifold.rods, e, held, forces)
     pull = (manifold.sign[:, :, None] * forces[manifold.rods]).sum(axis=1)
     share = np.where(manifold.hold == Hold.FREE, 0.5, 1.0)
     return -share * np.einsum("ri,ri->r", e, pull)
 
 
-def _shared_thrust(rods: np.ndarray, e: np.ndarray, pinned: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Best rod forces where rods share nodes: least squares over all free nodes at once.
+def _shared_thrust(rods: np.ndarray, e: np.ndarray, held: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Best rod forces where rods share nodes: least squares over all free directions at once.
 
     Loops of rods can carry prestress of their own; of all answers this is the one of least norm.
     """
-    push, each = np.zeros((len(pinned), 3, len(rods))), np.arange(len(rods))
+    push, each = np.zeros((*held.shape, len(rods))), np.arange(len(rods))
     push[rods[:, 0], :, each] = -e
     push[rods[:, 1], :, each] = e
-    thrust, *_ = np.linalg.lstsq(push[~pinned].reshape(-1, len(rods)), -forces[~pinned].ravel(), rcond=1e-12)
+    thrust, *_ = np.linalg.lstsq(push[~held], -forces[~held], rcond=1e-12)
     return thrust

@@ -258,7 +258,7 @@ def settle(
 
 def _what_to_try(equilibrium: Equilibrium) -> str:
     potential = equilibrium.potential
-    if potential.members.forces.any() and not potential.structure.pinned.any():
+    if potential.members.forces.any() and not potential.structure.held.any():
         return (
             f"the loads leave {unheld(potential, equilibrium.nodes)} there; "
             "check that loads are held by pins, or add loads that balance them."

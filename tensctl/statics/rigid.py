@@ -11,10 +11,13 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.elements import Potential
+from tensctl.structure import Structure
 
 _AXES = "xyz"
 # Loads are given in decimal numbers: their sum and their moments vanish to rounding only.
 _NO_WORK = 1e-12
+# Motions of held nodes below this part of the motion itself are rounding of the nodes.
+_HELD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +39,22 @@ class RigidMotions:
 
 
 def rigid_motions(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) -> RigidMotions:
-    """Rigid-body motions of the structure at the given nodes that leave pinned nodes where they are.
+    """Rigid-body motions of the structure at the given nodes that the ground allows.
 
-    Without pins these are three translations and three rotations about the principal axes of inertia; each
-    rotation is named after the coordinate axis that it is nearest to.
+    Of a free structure these are three translations and three rotations about the principal axes of inertia, in a plane
+    two and one; each rotation is named after the coordinate axis that it is nearest to. What guides allow to first
+    order only, such as a turn that would lift a guided node, is none of them.
     """
     manifold, members = potential.manifold, potential.members
     mass = manifold.mass(members.mass)
     centre = mass_centre(potential, nodes)
-    fields = _allowed(nodes, centre, potential.structure.pinned)
+    shifts, turns = _allowed(nodes, centre, potential.structure)
+    fields = np.hstack([shifts, turns])
     if fields.shape[1] == 0 or manifold.size == 0:
         return RigidMotions(np.zeros((manifold.size, 0)), (), np.zeros((6, 0)))
     motion = _nodal(nodes, centre) @ fields
     coordinates = manifold.coordinates_of(nodes, motion)
-    free = not potential.structure.pinned.any()
-    basis, turned = _orthonormal(coordinates, mass, free)
+    basis, turned = _orthonormal(coordinates, mass, shifts.shape[1])
     return RigidMotions(basis, _names(fields @ turned), fields @ turned)
 
 
@@ -58,11 +62,11 @@ def unseen_motions(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) ->
     """Rigid-body motions that the ground allows and on which no load does work, wherever the structure is.
 
     A motion v + omega x (p - c) is one when no load has a moment about it, w_i x omega = 0 for every load, and their
-    sum does no work, sum w . v = 0: without loads all motions, under weight those along and about the vertical.
+    sum does no work, sum w . v = 0, counting no load that the ground takes at once: without loads all motions, under weight those along and about the vertical.
     Dead loads make pendulums of the others, and a sum of loads that pushes a free structure away finds no rest.
     """
     motions = rigid_motions(potential, nodes)
-    forces = potential.members.forces
+    forces = np.where(potential.structure.free, potential.members.forces, 0.0)
     if not forces.any() or not motions.names:
         return motions
     keep = _kernel(_work(forces, motions.fields))
@@ -86,12 +90,12 @@ def _work(forces: np.ndarray, fields: np.ndarray) -> np.ndarray:
     return np.vstack([moments, loaded.sum(axis=0) @ fields[:3]]) / np.where(sizes > 0, sizes, 1.0)
 
 
-def _kernel(matrix: np.ndarray) -> np.ndarray:
+def _kernel(matrix: np.ndarray, tol: float = _NO_WORK) -> np.ndarray:
     """Orthonormal basis of the null space; unit vectors where these will do, so names stay plain."""
     count = matrix.shape[1]
-    plain = np.linalg.norm(matrix, axis=0) <= _NO_WORK
+    plain = np.linalg.norm(matrix, axis=0) <= tol
     _, sizes, rows = np.linalg.svd(matrix[:, ~plain], full_matrices=True)
-    rank = int((sizes > _NO_WORK).sum())
+    rank = int((sizes > tol).sum())
     mixed = np.zeros((count, int((~plain).sum()) - rank))
     mixed[~plain] = rows[rank:].T
     return np.hstack([np.eye(count)[:, plain], mixed])
@@ -112,28 +116,44 @@ def _nodal(nodes: np.ndarray, centre: np.ndarray) -> np.ndarray:
     return motion.reshape(-1, 6)
 
 
-def _allowed(nodes: np.ndarray, centre: np.ndarray, pinned: np.ndarray) -> np.ndarray:
-    """Combinations of the six motions that move no pinned node, (6, r)."""
-    if not pinned.any():
-        return np.eye(6)
+def _allowed(nodes: np.ndarray, centre: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]:
+    """Combinations of the six motions that the ground allows: translations (6, t), and what is square to them (6, r)."""
     scale = np.ptp(nodes, axis=0).max()
-    units = np.array([1.0, 1.0, 1.0, 1 / scale, 1 / scale, 1 / scale])
-    held = _nodal(nodes, centre).reshape(*nodes.shape, 6)[pinned].reshape(-1, 6) * units
-    _, sizes, rows = np.linalg.svd(held, full_matrices=True)
-    rank = int((sizes > 1e-9 * sizes[0]).sum())
-    return units[:, None] * rows[rank:].T
+    units = np.array([1.0, 1.0, 1.0, 1 / scale, 1 / scale, 1 / scale])[:, None]
+    held = _nodal(nodes, centre).reshape(*nodes.shape, 6)[structure.held] * units.T
+    if structure.planar:
+        held = np.vstack([held, np.eye(6)[2:5]])
+    shifts = np.pad(_kernel(held[:, :3], _HELD), ((0, 3), (0, 0)))
+    turns = units * _kernel(np.vstack([held, shifts.T]), _HELD)
+    if structure.has_guides and turns.shape[1]:
+        turns = turns @ _kernel(scale * _lifts(nodes, centre, structure, held, turns), _HELD)
+    return shifts, turns
 
 
-def _orthonormal(coordinates: np.ndarray, mass: np.ndarray, free: bool) -> tuple[np.ndarray, np.ndarray]:
+def _lifts(
+    nodes: np.ndarray, centre: np.ndarray, structure: Structure, held: np.ndarray, turns: np.ndarray
+) -> np.ndarray:
+    """What turns move guided nodes by to second order, e . (omega x v), less what a further motion makes good."""
+    count = turns.shape[1]
+    velocity = (_nodal(nodes, centre) @ turns).reshape(*nodes.shape, count)
+    bent = np.cross(turns[3:].T[None, None], velocity.transpose(0, 2, 1)[:, :, None])
+    bent = 0.5 * (bent + bent.transpose(0, 2, 1, 3)).transpose(0, 3, 1, 2)
+    lift = bent[structure.held].reshape(-1, count**2)
+    lift = np.vstack([lift, np.zeros((len(held) - len(lift), count**2))])
+    return (lift - held @ np.linalg.lstsq(held, lift, rcond=_HELD)[0]).reshape(-1, count)
+
+
+def _orthonormal(coordinates: np.ndarray, mass: np.ndarray, shifts: int) -> tuple[np.ndarray, np.ndarray]:
     """Mass-orthonormal basis of the span, and how it is mixed from the given columns.
 
-    Translations of a free structure keep their axes; rotations become principal ones, so that both sets stay
-    square to each other in the mass metric.
+    The first `shifts` columns, translations, keep their axes; rotations become principal ones. The two sets are square
+    to each other in the mass metric.
     """
     gram = coordinates.T @ (mass[:, None] * coordinates)
     mix = np.zeros_like(gram)
-    blocks = (slice(0, 3), slice(3, 6)) if free else (slice(0, len(gram)),)
-    for block in blocks:
+    for block in (slice(0, shifts), slice(shifts, len(gram))):
+        if not gram[block, block].size:
+            continue
         moments, axes = np.linalg.eigh(gram[block, block])
         keep = moments > 1e-12 * moments.max()
         axes = axes[:, np.argsort(np.abs(axes).argmax(axis=0), kind="stable")] if keep.all() else axes

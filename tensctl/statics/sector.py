@@ -93,6 +93,10 @@ class Sector:
         """Nodes on the ground."""
         return self.potential.structure.pinned[self.symmetry.nodes[0]]
 
+    @property
+    def _directions_held(self) -> np.ndarray:
+        return self.potential.structure.held[self.symmetry.nodes[0]]
+
     def restrict(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "sector_nodes 3"]:
         """The sector's nodes, from the centre, m."""
         return nodes[self.symmetry.nodes[0]] - self.symmetry.centre
@@ -132,7 +136,7 @@ class Sector:
         """Largest unbalanced force over the largest tension or load; 0 when there are neither."""
         if point.at_ease:
             return 0.0
-        left = balance.left_over(self.manifold, self.pinned, point.nodes, point.nodal_forces)
+        left = balance.left_over(self.manifold, self._directions_held, point.nodes, point.nodal_forces)
         return balance.relative(left, point.terms.tensions, self.forces)
 
     def held(self, point: SectorPoint) -> np.ndarray:

@@ -1,6 +1,6 @@
 """What is checked before any search: that the structure hangs together, and that something takes its loads.
 
-A rest needs sum w . v = 0 for every translation v that the ground allows; the moment of the loads, sum (p - c) x w,
+A rest needs sum w . v = 0 for every translation v that the ground allows, an axis along which it holds no node; the moment of the loads, sum (p - c) x w,
 may vanish at one attitude and not at another, so it is named only when a search has failed.
 """
 
@@ -30,8 +30,9 @@ def check_sound(potential: Potential) -> None:
     """
     _check_connected(potential.structure)
     forces = potential.members.forces
-    total, largest = forces.sum(axis=0), np.linalg.norm(forces, axis=1).sum()
-    if not potential.structure.pinned.any() and np.linalg.norm(total) > _BALANCED * largest:
+    loose = ~potential.structure.held.any(axis=0)
+    total, largest = forces.sum(axis=0)[loose], np.linalg.norm(forces, axis=1).sum()
+    if np.linalg.norm(total) > _BALANCED * largest:
         share = np.linalg.norm(total) / np.linalg.norm(forces, axis=1).max()
         raise EquilibriumError(
             f"nothing takes the sum of the loads, {unheld(potential, potential.structure.nodes)}: "

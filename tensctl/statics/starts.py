@@ -111,9 +111,12 @@ def same_rest(one: Equilibrium, other: Equilibrium) -> bool:
     target, moved = other.nodes, one.nodes
     if unseen_motions(one.potential, one.nodes).names:
         centre, goal = moved.mean(axis=0), target.mean(axis=0)
-        left, _, right = np.linalg.svd((target - goal).T @ (moved - centre))
-        flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-        moved = (moved - centre) @ (left @ flip @ right).T + goal
+        axes = one.structure.dimension
+        left, _, right = np.linalg.svd((target - goal).T[:axes] @ (moved - centre)[:, :axes])
+        turned = np.sign(np.linalg.det(left @ right))
+        flip = np.diag(np.append(np.ones(axes - 1), turned))
+        moved = moved.copy()
+        moved[:, :axes] = (moved - centre)[:, :axes] @ (left @ flip @ right).T + goal[:axes]
     return bool(np.abs(moved - target).max() <= _SAME * np.ptp(target, axis=0).max())
 
 

@@ -102,10 +102,12 @@ def find_symmetry(
     Notes
     -----
     The centre is the mean of all nodes; the axis is looked for along the loads, the coordinate axes and the axes of
-    inertia. Structures whose rods share nodes, and structures with cables, are not looked at.
+    inertia. Structures with shared nodes, guides or cables, and planar ones, are not looked at.
     """
     structure = potential.structure
-    if isinstance(potential.manifold, JointedManifold) or structure.has_cables or len(structure.rods) < _SMALLEST:
+    if isinstance(potential.manifold, JointedManifold) or structure.has_cables or structure.planar:
+        return None
+    if len(structure.rods) < _SMALLEST:
         return None
     own = structure.nodes if nodes is None else nodes
     rest = potential.members.rest_lengths if rest_lengths is None else rest_lengths

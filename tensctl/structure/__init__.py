@@ -5,6 +5,7 @@ from tensctl.structure.cables import refuse_cables
 from tensctl.structure.labels import by_label, matches, select
 from tensctl.structure.members import Law, Members, build_members
 from tensctl.structure.network import network, planar
+from tensctl.structure.pins import refuse_partial
 from tensctl.structure.prism import prism
 from tensctl.structure.shell import shell
 from tensctl.structure.structure import Structure, lengths
@@ -22,6 +23,7 @@ __all__ = [
     "planar",
     "prism",
     "refuse_cables",
+    "refuse_partial",
     "select",
     "shell",
 ]

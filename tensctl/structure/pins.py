@@ -73,6 +73,22 @@ def check_held(structure: Structure) -> None:
         _check_planar(structure)
 
 
+def refuse_partial(structure: Structure, what: str, instead: str) -> None:
+    """Refuse guides and planar structures where only whole pins in space are understood.
+
+    Raises
+    ------
+    StructureError
+        One sentence with the first guided node, or the plane, what is refused and what to do instead.
+    """
+    if structure.has_guides:
+        node = int(structure.guides.any(axis=1).argmax())
+        held = letters(structure.guides[node])
+        raise StructureError(f"node {structure.node_labels[node]} is held in {held} only, and {what}; {instead}.")
+    if structure.planar:
+        raise StructureError(f"the structure is planar, and {what}; {instead}.")
+
+
 def _check_planar(structure: Structure) -> None:
     off = (structure.nodes[:, 2] != 0) | structure.guides[:, 2]
     if off.any():

@@ -236,7 +236,7 @@ def _same_connection(structure: Structure, wanted: Structure) -> bool:
 
 
 def _require_covered(structure: Structure, members: Members) -> None:
-    if structure.pinned.any():
+    if structure.held.any():
         raise StructureError("the shell has pins; [S]'s equations hold for a free shell: leave pins out.")
     if members.law != "k":
         raise StructureError("tendons have EA; [S] has a constant stiffness k: give stiffness instead.")

@@ -15,7 +15,7 @@ import scipy.spatial
 from jaxtyping import Float, Int
 
 from tensctl.errors import StructureError
-from tensctl.structure import Structure, refuse_cables
+from tensctl.structure import Structure, refuse_cables, refuse_partial
 from tensctl.structure.labels import matches
 
 Groups = Sequence[str] | Mapping[str, Sequence[str]] | Int[np.ndarray, " tendons"]
@@ -117,9 +117,10 @@ def cyclic_orbits(
     Raises
     ------
     StructureError
-        For a structure with cables.
+        For a structure with cables or guides, or in a plane.
     """
     refuse_cables(structure, "its cyclic symmetry is not looked for", "give the groups of tendons by label")
+    refuse_partial(structure, "its cyclic symmetry is not looked for", "give the groups of tendons by label")
     nodes = structure.nodes if nodes is None else np.asarray(nodes, float)
     centred = nodes - nodes.mean(axis=0)
     size = np.linalg.norm(centred, axis=1).max(initial=0.0)

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
 from tensctl.errors import EquilibriumError
-from tensctl.structure import Structure, refuse_cables
+from tensctl.structure import Structure, refuse_cables, refuse_partial
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +115,10 @@ def equilibrium_matrix(structure: Structure, nodes: Float[np.ndarray, "nodes 3"]
     EquilibriumError
         For nodes of the wrong shape, or a member whose ends coincide.
     StructureError
-        For a structure with cables.
+        For a structure with cables or guides, or in a plane.
     """
     refuse_cables(structure, "prestress is found for tendons of two nodes only", "give each piece its own tendon")
+    refuse_partial(structure, "prestress is found for whole pins in space only", "pin whole nodes of a network")
     nodes = structure.nodes if nodes is None else np.asarray(nodes, float)
     if nodes.shape != structure.nodes.shape or not np.isfinite(nodes).all():
         raise EquilibriumError(

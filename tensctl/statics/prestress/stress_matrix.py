@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from tensctl.statics.prestress.matrix import EquilibriumMatrix
-from tensctl.structure import Structure, refuse_cables
+from tensctl.structure import Structure, refuse_cables, refuse_partial
 from tensctl.structure.structure import lengths
 
 
@@ -37,9 +37,10 @@ def stress_matrix(
     Raises
     ------
     StructureError
-        For a structure with cables.
+        For a structure with cables or guides, or in a plane.
     """
     refuse_cables(structure, "a stress matrix has one force density a tendon", "give each piece its own tendon")
+    refuse_partial(structure, "a stress matrix has whole nodes in space", "pin whole nodes of a network")
     members = np.vstack([structure.tendons, structure.rods])
     density = np.concatenate([tendon_densities, -rod_densities])
     a, b = members.T
