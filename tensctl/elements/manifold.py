@@ -91,7 +91,9 @@ class RodManifold:
 
     @cached_property
     def _sizes(self) -> np.ndarray:
-        return np.select([self.hold == Hold.FREE, self.hold == Hold.FIXED], [2 * self.dimension - 1, 0], self.dimension - 1)
+        return np.select(
+            [self.hold == Hold.FREE, self.hold == Hold.FIXED], [2 * self.dimension - 1, 0], self.dimension - 1
+        )
 
     @cached_property
     def _first_column(self) -> np.ndarray:

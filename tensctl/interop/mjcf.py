@@ -117,7 +117,7 @@ def _check_untied(structure: Structure) -> None:
     refuse_partial(structure, "MuJoCo holds single directions by springs only", "pin whole nodes of a network")
     if structure.jointed:
         raise StructureError(
-            "rods of this structure share a moving node, and MuJoCo joins bodies by springs only; "
+            "rods of this structure share a node that moves, and MuJoCo joins bodies by springs only; "
             "give each rod nodes of its own."
         )
 

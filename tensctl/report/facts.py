@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from tensctl.report.case import Case
 from tensctl.report.floor import floor_story
 from tensctl.report.numbers import count, number, plain, plural, seconds

@@ -62,7 +62,8 @@ def unseen_motions(potential: Potential, nodes: Float[np.ndarray, "nodes 3"]) ->
     """Rigid-body motions that the ground allows and on which no load does work, wherever the structure is.
 
     A motion v + omega x (p - c) is one when no load has a moment about it, w_i x omega = 0 for every load, and their
-    sum does no work, sum w . v = 0, counting no load that the ground takes at once: without loads all motions, under weight those along and about the vertical.
+    sum does no work, sum w . v = 0, leaving out what the ground takes of a load at its own node: without loads all
+    motions, under weight those along and about the vertical.
     Dead loads make pendulums of the others, and a sum of loads that pushes a free structure away finds no rest.
     """
     motions = rigid_motions(potential, nodes)
@@ -117,7 +118,7 @@ def _nodal(nodes: np.ndarray, centre: np.ndarray) -> np.ndarray:
 
 
 def _allowed(nodes: np.ndarray, centre: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]:
-    """Combinations of the six motions that the ground allows: translations (6, t), and what is square to them (6, r)."""
+    """Motions that the ground allows, of six: translations (6, t), and the rest, square to these (6, r)."""
     scale = np.ptp(nodes, axis=0).max()
     units = np.array([1.0, 1.0, 1.0, 1 / scale, 1 / scale, 1 / scale])[:, None]
     held = _nodal(nodes, centre).reshape(*nodes.shape, 6)[structure.held] * units.T

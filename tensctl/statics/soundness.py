@@ -1,7 +1,8 @@
 """What is checked before any search: that the structure hangs together, and that something takes its loads.
 
-A rest needs sum w . v = 0 for every translation v that the ground allows, an axis along which it holds no node; the moment of the loads, sum (p - c) x w,
-may vanish at one attitude and not at another, so it is named only when a search has failed.
+A rest needs sum w . v = 0 for every translation v that the ground allows: along each axis in which it holds no node.
+The moment of the loads, sum (p - c) x w, may vanish at one attitude and not at another, so it is named only when a
+search has failed.
 """
 
 from __future__ import annotations
