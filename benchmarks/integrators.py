@@ -4,9 +4,10 @@
     python benchmarks/integrators.py --motion smooth_3_1 --contender tensctl
     python benchmarks/integrators.py --docs              # also renews docs/integrators.md and its pictures
 
-Error: the largest distance of any node to the reference at the record times 0, 0.1, ... 1 s. Time: median over several
-calls from Python, building of models left out. Interpolated along each family's front, log against log.
-The process pins itself to one core where the system can (as `taskset -c 0` does) and BLAS to one thread.
+Error: the largest distance of any node to the reference at the record times 0, 0.1, ... 1 s. Time: processor time of a
+whole call from Python, the median over several calls, building of models left out; on a quiet machine that is the time
+on the clock. Interpolated along each family's front, log against log. The process pins itself to the last core that it
+may use, where the system can (start it under `taskset -c N` for another), and BLAS to one thread.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pathlib import Path
 for _library in ("OPENBLAS", "MKL", "OMP"):
     os.environ[f"{_library}_NUM_THREADS"] = "1"
 if hasattr(os, "sched_setaffinity"):
-    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 
 import numpy as np  # noqa: E402 - after the threads are set
 import page  # noqa: E402
@@ -33,7 +34,7 @@ from motions import MOTIONS, Motion, distance  # noqa: E402
 from tensctl.threads import one_blas_thread  # noqa: E402
 
 # A contender stops once a single call takes this long, s.
-_LIMIT = 3.0
+_LIMIT = 2.0
 # Calls are repeated until they add up to this, s, at most _CALLS times.
 _SPAN, _CALLS = 0.3, 15
 # Beyond this many metres a run is garbage.
@@ -92,13 +93,13 @@ def _point(motion: Motion, setting: Setting) -> Point:
     spent: list[float] = []
     nodes = None
     for call in range(1 + _CALLS):
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             nodes = setting.run()
         except Exception as fault:  # a contender that fails is a result, whatever it raises
             print(f"  {setting.name}: {str(fault).splitlines()[0][:100]}")
             return Point(motion.name, setting.family, setting.name, setting.setting, np.inf, np.nan)
-        seconds = time.perf_counter() - began
+        seconds = time.process_time() - began
         # The first call is not counted, unless it is too long to be made again.
         if call > 0 or seconds > _SPAN:
             spent.append(seconds)
@@ -256,9 +257,12 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write every point to a file")
     parser.add_argument("--plot", type=Path, help="write the picture, SVG")
     parser.add_argument("--docs", action="store_true", help="renew docs/integrators.md and its picture")
+    parser.add_argument("--points", type=Path, nargs="+", help="read points that --json wrote instead of measuring")
     asked = parser.parse_args()
     motions, points, where = [MOTIONS[name]() for name in asked.motion], [], machine()
-    for motion in motions:
+    for path in asked.points or ():
+        points += [Point(**point) for point in json.loads(path.read_text())["points"]]
+    for motion in () if asked.points else motions:
         print(f"{motion.name}: {motion.what}; reference good to {motion.reference.error:.0e} m", flush=True)
         points += measure(motion, asked.contender)
     tables = {

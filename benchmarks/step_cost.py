@@ -1,0 +1,159 @@
+"""Cost of one step from (3,1) to (100,50): force kernel and whole stage of the splitting, beside what the core can do.
+
+    python benchmarks/step_cost.py          # a line a size
+    python benchmarks/step_cost.py --docs   # also renews the table in docs/integrators.md
+
+A stage is: rods fly, nodes are placed, tendons pull, rods are kicked. The limit beside it is measured in the same run:
+a loop over the same tendons that gathers both ends, computes the stretch with its square root and division and adds it
+up, without what makes a simulation: no scatter, no slack, no rods. Memory is the largest of the whole process
+(`ru_maxrss`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+if hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+import numpy as np
+import page
+
+import tensctl as tc
+from tensctl.jit import jit
+from tensctl.model.kernel import elastic_forces, place_nodes, pushes
+
+# Shells that hold themselves up, as far as they are known; (100,50) is taken with the slack that comes.
+SIZES = {
+    (3, 1): ({}, 0.8),
+    (8, 4): ({}, 0.8),
+    (20, 10): ({"overlap": 0.15}, 0.8),
+    (50, 40): ({"radius": 1.25, "overlap": 0.05, "twist": 1.6}, 0.9),
+    (100, 50): ({"radius": 1.25, "overlap": 0.05, "twist": 1.6}, 0.9),
+}
+# Force evaluations that a measurement takes at least, and tendons that it visits in all.
+_LEAST, _VISITS = 20, 2_000_000
+_REPEATS = 5
+# Length of the short run whose time is taken away from that of a long one, s.
+_SHORT = 0.01
+
+
+@jit
+def stream(tail, head, nodes, rest, stiffness, count):
+    """The least a tendon force can cost: two gathers, a square root, a division, one sum."""
+    total = 0.0
+    for turn in range(count):
+        shift = 1e-300 * turn
+        for t in range(tail.size):
+            a, b = tail[t], head[t]
+            x, y, z = nodes[b, 0] - nodes[a, 0], nodes[b, 1] - nodes[a, 1], nodes[b, 2] - nodes[a, 2]
+            length = np.sqrt(x * x + y * y + z * z + shift)
+            total += stiffness[t] * (length - rest[t]) / length
+    return total
+
+
+@jit
+def forces_only(data, nodes, rest, external, count):
+    """The kernel's tendon forces on all nodes, again and again."""
+    forces, taut = np.zeros_like(external), np.zeros(rest.size, np.int64)
+    flips = 0
+    for _ in range(count):
+        flips += elastic_forces(data, nodes, rest, external, forces, taut)
+    return flips
+
+
+@jit
+def right_hand_side(data, q, rest, external, count):
+    """Nodes, forces and accelerations."""
+    nodes, forces, push = data.anchor.copy(), np.zeros_like(external), np.zeros_like(q)
+    taut = np.zeros(rest.size, np.int64)
+    for _ in range(count):
+        place_nodes(data, q, nodes)
+        elastic_forces(data, nodes, rest, external, forces, taut)
+        pushes(data, q, forces, push)
+    return push[0, 3]
+
+
+def least(call: Callable[[int], object], count: int) -> float:
+    """Least time of one turn of a loop, s; compiled code warm."""
+    call(1)
+    best = np.inf
+    for _ in range(_REPEATS):
+        began = time.process_time()
+        call(count)
+        best = min(best, (time.process_time() - began) / count)
+    return best
+
+
+def stage(dynamics: tc.Dynamics, count: int) -> float:
+    """Time of one stage inside `simulate`: a long run less a short one over the evaluations between them, s."""
+    first = simulated(dynamics, _SHORT)[1]
+    long = _SHORT * (1 + 10 * count / first)
+    (spent, made), (longer, more) = (min(simulated(dynamics, end) for _ in range(3)) for end in (_SHORT, long))
+    return (longer - spent) / (more - made)
+
+
+def simulated(dynamics: tc.Dynamics, end: float) -> tuple[float, int]:
+    """Processor time and evaluations of a run from the initial nodes."""
+    began = time.process_time()
+    run = tc.simulate(dynamics, dynamics.structure.nodes, timepts=[0.0, end], tol=1e-4, method="splitting4")
+    return time.process_time() - began, run.evaluations
+
+
+def one(n: int, m: int) -> list[str]:
+    """A row of the table."""
+    shape, ratio = SIZES[n, m]
+    dynamics = tc.build_dynamics(tc.Scene(structure=tc.shell(n, m, **shape), tendons={"rest_ratio": ratio}))
+    members, kernel, nodes = dynamics.members, dynamics.kernel, dynamics.structure.nodes
+    tendons = len(dynamics.structure.tendons)
+    count = max(_LEAST, _VISITS // tendons)
+    q = dynamics.rod_coordinates(nodes)
+    rest, external = members.rest_lengths, members.forces
+    spent = (
+        least(lambda c: stream(kernel.tail, kernel.head, nodes, rest, kernel.stiffness, c), count),
+        least(lambda c: forces_only(kernel, nodes, rest, external, c), count),
+        least(lambda c: right_hand_side(kernel, q, rest, external, c), count),
+        stage(dynamics, count),
+    )
+    cells = [f"{1e9 * s / tendons:.2f}" for s in spent]
+    return [f"({n},{m})", str(tendons), *cells, f"{1e6 * spent[-1]:.3g}", f"{_memory():.0f}"]
+
+
+def _memory() -> float:
+    """Largest memory of this process so far, MB."""
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform != "darwin" else 1024**2)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--one", nargs=2, type=int, metavar=("N", "M"), help="one size, in this process")
+    parser.add_argument("--docs", action="store_true", help="renew the table in docs/integrators.md")
+    asked = parser.parse_args()
+    if asked.one:
+        print("\t".join(one(*asked.one)))
+        return
+    rows = []
+    for n, m in SIZES:
+        # Each size in a process of its own, so that memory is its own.
+        command = [sys.executable, __file__, "--one", str(n), str(m)]
+        rows.append(subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip().split("\t"))
+        print(*rows[-1], sep="\t", flush=True)
+    head = [
+        "shell", "tendons", "limit, ns a tendon", "forces, ns a tendon", "right-hand side, ns a tendon",
+        "stage, ns a tendon", "stage, us", "memory, MB",
+    ]  # fmt: skip
+    made = page.table(head, rows)
+    print(f"\n{made}")
+    if asked.docs:
+        page.write("integrators.md", {"step cost": made})
+
+
+if __name__ == "__main__":
+    main()
