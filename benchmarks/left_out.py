@@ -27,7 +27,7 @@ import page
 import tensctl as tc
 from tensctl.elements import Hold, rod_acceleration
 from tensctl.jit import jit
-from tensctl.model.kernel import accelerations, elastic_forces, place_nodes, pushes
+from tensctl.model.kernel import accelerations, elastic_forces, place_nodes, pushes, springs
 
 _PUSH = {"node": "P4_1_1", "force": [5.0, 0.0, 0.0], "from": 0.0, "to": 0.1}
 ADDED = {
@@ -179,12 +179,14 @@ def _least(call: Callable[[], object]) -> float:
 
 @jit
 def _undamped(data, q, rest, external, count):
-    nodes, forces, push = data.anchor.copy(), np.zeros_like(external), np.zeros_like(q)
-    taut = np.zeros(rest.size, np.int64)
+    load = external.ravel()
+    place, force, push = data.anchor.reshape(load.size).copy(), np.zeros_like(load), np.zeros_like(q)
+    gap, spring = np.zeros_like(rest), np.zeros_like(rest)
+    springs(data, rest, np.ones_like(rest), spring)
     for _ in range(count):
-        place_nodes(data, q, nodes)
-        elastic_forces(data, nodes, rest, external, forces, taut)
-        pushes(data, q, forces, push)
+        place_nodes(data, q, place)
+        elastic_forces(data, place, rest, spring, 0.0, load, force, gap)
+        pushes(data, q, force, push)
     return push[0, 3]
 
 

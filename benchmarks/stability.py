@@ -117,7 +117,7 @@ def long_switching() -> Row:
 
 def _long(name: str, motion: Motion, steps: float, drift: float) -> Row:
     trial = simulated(motion, np.array([0.0, 1.0]), tol=1e-6, method="splitting4")
-    # Six force evaluations a step of the order 4 table.
+    # Six force evaluations a step of the order 4 table; some more where a switch is landed on.
     end = steps / (trial.evaluations / 6)
     began = time.process_time()
     run = simulated(motion, np.linspace(0, end, 401), tol=1e-6, method="splitting4")

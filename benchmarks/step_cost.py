@@ -26,7 +26,7 @@ import page
 
 import tensctl as tc
 from tensctl.jit import jit
-from tensctl.model.kernel import elastic_forces, place_nodes, pushes
+from tensctl.model.kernel import elastic_forces, place_nodes, pushes, springs
 
 # Shells that hold themselves up, as far as they are known; (100,50) is taken with the slack that comes.
 SIZES = {
@@ -44,38 +44,39 @@ _SHORT = 0.01
 
 
 @jit
-def stream(tail, head, nodes, rest, stiffness, count):
+def stream(data, place, rest, count):
     """The least a tendon force can cost: two gathers, a square root, a division, one sum."""
-    total = 0.0
+    one, two, total = np.uint64(1), np.uint64(2), 0.0
     for turn in range(count):
         shift = 1e-300 * turn
-        for t in range(tail.size):
-            a, b = tail[t], head[t]
-            x, y, z = nodes[b, 0] - nodes[a, 0], nodes[b, 1] - nodes[a, 1], nodes[b, 2] - nodes[a, 2]
+        for t in range(rest.size):
+            a, b = data.tail_at[t], data.head_at[t]
+            x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
             length = np.sqrt(x * x + y * y + z * z + shift)
-            total += stiffness[t] * (length - rest[t]) / length
+            total += data.stiffness[t] * (length - rest[t]) / length
     return total
 
 
 @jit
-def forces_only(data, nodes, rest, external, count):
+def forces_only(data, place, rest, load, count):
     """The kernel's tendon forces on all nodes, again and again."""
-    forces, taut = np.zeros_like(external), np.zeros(rest.size, np.int64)
-    flips = 0
+    force, gap, spring = np.zeros_like(load), np.zeros_like(rest), np.zeros_like(rest)
+    springs(data, rest, np.ones_like(rest), spring)
     for _ in range(count):
-        flips += elastic_forces(data, nodes, rest, external, forces, taut)
-    return flips
+        elastic_forces(data, place, rest, spring, 0.0, load, force, gap)
+    return force[0]
 
 
 @jit
-def right_hand_side(data, q, rest, external, count):
+def right_hand_side(data, q, rest, load, count):
     """Nodes, forces and accelerations."""
-    nodes, forces, push = data.anchor.copy(), np.zeros_like(external), np.zeros_like(q)
-    taut = np.zeros(rest.size, np.int64)
+    place, force, push = data.anchor.reshape(load.size).copy(), np.zeros_like(load), np.zeros_like(q)
+    gap, spring = np.zeros_like(rest), np.zeros_like(rest)
+    springs(data, rest, np.ones_like(rest), spring)
     for _ in range(count):
-        place_nodes(data, q, nodes)
-        elastic_forces(data, nodes, rest, external, forces, taut)
-        pushes(data, q, forces, push)
+        place_nodes(data, q, place)
+        elastic_forces(data, place, rest, spring, 0.0, load, force, gap)
+        pushes(data, q, force, push)
     return push[0, 3]
 
 
@@ -109,15 +110,15 @@ def one(n: int, m: int) -> list[str]:
     """A row of the table."""
     shape, ratio = SIZES[n, m]
     dynamics = tc.build_dynamics(tc.Scene(structure=tc.shell(n, m, **shape), tendons={"rest_ratio": ratio}))
-    members, kernel, nodes = dynamics.members, dynamics.kernel, dynamics.structure.nodes
+    kernel, rest = dynamics.kernel, dynamics.members.rest_lengths
     tendons = len(dynamics.structure.tendons)
     count = max(_LEAST, _VISITS // tendons)
-    q = dynamics.rod_coordinates(nodes)
-    rest, external = members.rest_lengths, members.forces
+    place, load = dynamics.structure.nodes.ravel(), dynamics.members.forces.ravel()
+    q = dynamics.rod_coordinates(dynamics.structure.nodes)
     spent = (
-        least(lambda c: stream(kernel.tail, kernel.head, nodes, rest, kernel.stiffness, c), count),
-        least(lambda c: forces_only(kernel, nodes, rest, external, c), count),
-        least(lambda c: right_hand_side(kernel, q, rest, external, c), count),
+        least(lambda c: stream(kernel, place, rest, c), count),
+        least(lambda c: forces_only(kernel, place, rest, load, c), count),
+        least(lambda c: right_hand_side(kernel, q, rest, load, c), count),
         stage(dynamics, count),
     )
     cells = [f"{1e9 * s / tendons:.2f}" for s in spent]
