@@ -1,7 +1,7 @@
 """The structure with its materials as MuJoCo MJCF, undamped to rounding the same mechanics.
 
     rod     body along its own z, inertia diag(J, J, J/1000), J = m L^2/12 about the centre; m L^2/3 about a pin
-    tendon  spatial tendon with springlength "0 L0": k (l - L0) while l > L0, nothing while slack
+    tendon  spatial tendon with springlength "0 L0": k (l - L0) while l > L0, nothing while slack; cables alike
 
 MuJoCo wants an inertia about the rod's axis, which [S] Theorem 3.1 does not have. A thousandth of J is that of a round
 bar 77 times as long as its radius. Whatever it is, it moves no node: every force acts on the axis, so nothing turns the
@@ -165,14 +165,14 @@ def _add_tendons(root: Xml.Element, dynamics: Dynamics) -> None:
     structure, members = dynamics.structure, dynamics.members
     stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
     parent, size = Xml.SubElement(root, "tendon"), float(np.ptp(structure.nodes, axis=0).max())
-    for t, (a, b) in enumerate(structure.tendons):
+    for t, path in enumerate(structure.paths):
         numbers = {"springlength": _text([0.0, members.rest_lengths[t]]), "stiffness": _text(stiffness[t])}
         if dynamics.damping[t] > 0:
             numbers["damping"] = _text(dynamics.damping[t])
         tendon = Xml.SubElement(
             parent, "spatial", numbers, name=structure.tendon_labels[t], width=_text(_RADIUS * size / 4)
         )
-        for node in (a, b):
+        for node in path:
             Xml.SubElement(tendon, "site", site=structure.node_labels[node])
 
 
