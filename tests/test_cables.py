@@ -1,6 +1,7 @@
 """Cables: tendons that run through several nodes with one tension."""
 
 import json
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -21,12 +22,13 @@ import tensctl as tc
 from tensctl.elements import Potential
 from tensctl.elements.cables import cable_terms
 from tensctl.errors import StructureError
+from tensctl.pipeline.case import checks
 from tensctl.simulation import momenta, total_energy
 from tensctl.simulation.rod_forces import end_forces
-from tensctl.statics import settle, static_influence, stretch_map, tension_influence
+from tensctl.statics import find_symmetry, settle, static_influence, stretch_map, tension_influence
 from tensctl.statics.algebra import Network
 from tensctl.statics.balance import residual
-from tensctl.statics.prestress import cyclic_orbits, equilibrium_matrix, stress_matrix
+from tensctl.statics.prestress import cyclic_orbits, equilibrium_matrix, stress_matrix, super_stability
 
 NODES = {"a": [0, 0, 0], "b": [0, 0, 3], "c": [4, 0, 0], "d": [4, 0, 3]}
 RODS = {"r": ["a", "b"], "s": ["c", "d"]}
@@ -319,3 +321,62 @@ class TestMotion:
         forces, _ = end_forces(dynamics, run)
         for k in (0, -1):
             close(forces[k], dynamics.potential.at(run.nodes[k]).nodal_forces, 1e-12)
+
+
+def test_the_model_says_that_it_has_cables():
+    terms = tc.build_dynamics(mast_scene()).explain().terms
+    assert "40 tendons, 4 of them cables with 18 segments, law k" in terms[0].why
+
+
+ROOMS = {
+    "inverse statics": lambda potential: tc.inverse_statics(potential, tension_min=1.0),
+    "nearest shape": lambda potential: tc.nearest_shape(potential, tension_min=1.0),
+    "prestress": lambda potential: tc.admissible_prestress(potential.structure, tension_min=1.0),
+    "self-stress": lambda potential: tc.self_stress(potential.structure),
+    "stability orders": lambda potential: tc.stability_orders(
+        potential.structure, None, np.ones(40), np.ones(12), stiffness=1.0
+    ),
+    "super-stability": lambda potential: super_stability(
+        potential.structure, potential.structure.nodes, np.ones(40), np.ones(12)
+    ),
+}
+
+
+@pytest.mark.parametrize("room", ROOMS.values(), ids=ROOMS)
+def test_rooms_without_cables_refuse_a_mast(room):
+    with pytest.raises(StructureError, match=r"^tendon bottom is a cable of 4 nodes, and .*; give each piece"):
+        room(Potential.of(mast_scene()))
+
+
+def test_symmetric_rings_are_solved_as_a_whole():
+    """The symmetry is there, but a ring has no image in a sector."""
+    rings = {name: MAST[name] for name in ("bottom", "top")}
+    scene = tc.Scene(structure=clustered(tc.shell(3, 2), rings))
+    assert find_symmetry(Potential.of(shell_scene(3, 2))) is not None
+    assert find_symmetry(Potential.of(scene)) is None
+
+
+def test_a_whole_scene_with_cables(tmp_path):
+    """Rest, linear model, LQR, a pushed run, checks and report; the drawing has a line for every segment."""
+    scene = mast_scene(
+        ["P1_*_1"],
+        tendons={"damping": 0.5},
+        equilibrium={},
+        linearize={},
+        controllability={},
+        lqr={},
+        simulation={
+            "t_end": 0.2,
+            "controller": "lqr",
+            "push": [{"node": "P4_1_2", "force": [2.0, 0.0, 0.0], "from": 0.0, "to": 0.05}],
+        },
+        report={},
+    )
+    results = tc.run(scene, out=tmp_path)
+    failed = [check.name for check in checks(results) if not check.ok]
+    assert not failed
+    assert results.run.lengths.shape[1] == 40
+    page = (tmp_path / "report.html").read_text()
+    data = json.loads(re.search(r'<script[^>]*id="motion-data"[^>]*>(.*?)</script>', page, re.S)[1])
+    assert len(data["model"]["tendons"]) == 2 * 54
+    assert data["model"]["tendonOf"] == results.structure.segment_tendon.tolist()

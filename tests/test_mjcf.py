@@ -16,7 +16,8 @@ SCENES = {
     "pins": shell_scene(pins=MIXED_PINS, gravity={"g": [1.0, -2.0, -9.8]}),
     "EA": shell_scene(4, 2, tendons={"EA": 150.0, "rest_ratio": 0.9}),
     "loads and drag": prism_scene(loads={"*": [0.3, -0.2, 0.5]}, drag={"coefficient": 0.7}, pins=["a1"]),
-    "cables": mast_scene(),
+    "cables": mast_scene(tendons={"EA": 150.0, "rest_ratio": 0.9}),
+    "cables with dampers": mast_scene(["P1_*_1"], tendons={"rest_ratio": 0.4, "damping": 0.5}),
     "dampers": shell_scene(tendons={"rest_ratio": 0.4, "damping": 0.5}, pins=["P1_*_1"]),
 }
 

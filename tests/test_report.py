@@ -39,6 +39,18 @@ class FakeStructure:
         return np.zeros_like(self.nodes, bool)
 
     @property
+    def segments(self) -> np.ndarray:
+        return self.tendons
+
+    @property
+    def segment_tendon(self) -> np.ndarray:
+        return np.arange(len(self.tendons))
+
+    @property
+    def segment_labels(self) -> tuple[str, ...]:
+        return self.tendon_labels
+
+    @property
     def grounded_tendons(self) -> np.ndarray:
         return self.pinned[self.tendons].all(axis=1)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from tensctl.elements import Hold, Potential, tendon_tension
 from tensctl.model.constraints import Constraints
+from tensctl.structure import Structure
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def explain(potential: Potential, damping: np.ndarray, drag: float, constraints:
     idle = [label for label, out in zip(*grounded, strict=True) if out]
     loaded = bool(members.forces.any())
     return (
-        Term("tendons", True, f"{tendons} tendons, law {members.law}, slack when short", tendons * elastic),
+        Term("tendons", True, f"{_tendons(structure)}, law {members.law}, slack when short", tendons * elastic),
         _term("dampers", damped, f"{damped} tendons are damped", "no damping is asked for", damper * tendons),
         _term("drag", drag > 0, f"{drag:g} N s/m on each rod end", "no drag is asked for", 6 * nodes),
         _term("weight and loads", loaded, "constant nodal forces", "no gravity, no loads", 3 * nodes),
@@ -88,6 +89,12 @@ def _factor_operations(constraints: Constraints) -> int:
     """Operations of one factor within its profile and one solve; those of a single joint when there is none."""
     lengths = np.diff(constraints.place) if constraints.first.size else np.array([1, 2, 3])
     return int((lengths**2 + 4 * lengths).sum())
+
+
+def _tendons(structure: Structure) -> str:
+    tendons, cables = len(structure.tendons), sum(1 for via in structure.vias if via)
+    pieces = len(structure.segments) - tendons + cables
+    return f"{tendons} tendons" + (f", {cables} of them cables with {pieces} segments" if cables else "")
 
 
 def _unactuated(potential: Potential) -> str:

@@ -47,9 +47,9 @@ def motion_of(case: Case) -> Motion:
 
 
 def motion_data(case: Case, motion: Motion) -> dict[str, object]:
-    """Everything that the viewer needs to play the motion (see assets/motion.js)."""
+    """Everything that the viewer needs to play the motion (see assets/motion.js); its tendons are segments."""
     structure = case.structure
-    packed = pack(motion.times, motion.nodes, motion.tensions)
+    packed = pack(motion.times, motion.nodes, motion.tensions[:, structure.segment_tendon])
     pinned = np.flatnonzero(structure.pinned)
     ground = float(motion.nodes[0, pinned, 2].mean()) if len(pinned) else None
     wanted = None if case.path is None else case.path.target_nodes
@@ -57,12 +57,13 @@ def motion_data(case: Case, motion: Motion) -> dict[str, object]:
         "model": {
             "nodes": len(structure.nodes),
             "rods": np.asarray(structure.rods).ravel().tolist(),
-            "tendons": np.asarray(structure.tendons).ravel().tolist(),
+            "tendons": np.asarray(structure.segments).ravel().tolist(),
+            "tendonOf": np.asarray(structure.segment_tendon).tolist(),
             "pinned": pinned.tolist(),
             "ground": ground,
         },
         "rodLabels": list(structure.rod_labels),
-        "tendonLabels": list(structure.tendon_labels),
+        "tendonLabels": list(structure.segment_labels),
         "times": np.round(packed.times, 6).tolist(),
         "centre": packed.centre.tolist(),
         "reach": _reach(motion.nodes, packed.centre),

@@ -45,13 +45,15 @@ def verdict(case: Case) -> Tile | None:
 
 def _built(case: Case) -> list[Tile]:
     structure, linear = case.structure, case.linear
+    pieces = len(structure.segments)
+    cables = f"cables among them, {count(pieces)} segments" if pieces > len(structure.tendons) else ""
     facts = [
         Tile(
             "Rods",
             count(len(structure.rods)),
             _ground(structure),
         ),
-        Tile("Tendons", count(len(structure.tendons))),
+        Tile("Tendons", count(len(structure.tendons)), cables),
     ]
     if linear is not None:
         facts.append(Tile("Inputs", count(len(linear.inputs)), "rest lengths"))

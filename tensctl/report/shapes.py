@@ -125,7 +125,7 @@ def _panel(structure: Structure, view: View, projection: Projection, tension_max
     parts = [f'<text class="panel-title" x="{MARGIN:g}" y="20">{escape(view.title)}</text>']
     if view.shadow is not None:
         flat = projection(view.shadow)
-        ends = np.concatenate([structure.rods, structure.tendons])
+        ends = np.concatenate([structure.rods, structure.segments])
         parts.append(f'<path class="shadow" d="{_lines(flat[ends[:, 0]], flat[ends[:, 1]])}"/>')
     parts += _members(structure, view, projection, tension_max)
     flat = projection(view.nodes)
@@ -145,10 +145,10 @@ def _members(structure: Structure, view: View, projection: Projection, tension_m
     cut = np.linspace(0.0, 1.0, ROD_PIECES + 1)[:, None, None]
     tail, head = view.nodes[structure.rods[:, 0]], view.nodes[structure.rods[:, 1]]
     joints = tail + cut * (head - tail)
-    begin = np.concatenate([joints[:-1].reshape(-1, 3), view.nodes[structure.tendons[:, 0]]])
-    end = np.concatenate([joints[1:].reshape(-1, 3), view.nodes[structure.tendons[:, 1]]])
+    begin = np.concatenate([joints[:-1].reshape(-1, 3), view.nodes[structure.segments[:, 0]]])
+    end = np.concatenate([joints[1:].reshape(-1, 3), view.nodes[structure.segments[:, 1]]])
     kinds = ["rod"] * (ROD_PIECES * len(structure.rods)) + _tendon_classes(structure, view, tension_max)
-    halo = len(structure.rods) + len(structure.tendons) <= MOST_WITH_HALO
+    halo = len(structure.rods) + len(structure.segments) <= MOST_WITH_HALO
     flat_begin, flat_end = projection(begin), projection(end)
     inset = _inset(flat_begin, flat_end)
     drawn = []
@@ -171,11 +171,12 @@ def _inset(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def _tendon_classes(structure: Structure, view: View, tension_max: float) -> list[str]:
-    """CSS class of each tendon: ``t0`` to ``t8`` by tension, ``slack`` at zero."""
+    """CSS class of each tendon's segments: ``t0`` to ``t8`` by tension, ``slack`` at zero."""
     if view.tensions is None:
-        return ["plain"] * len(structure.tendons)
-    steps = np.clip(np.rint(view.tensions / tension_max * (len(RAMP) - 1)), 0, len(RAMP) - 1).astype(int)
-    return [f"t{step}" if tension > 0 else "slack" for step, tension in zip(steps, view.tensions, strict=True)]
+        return ["plain"] * len(structure.segments)
+    tensions = view.tensions[structure.segment_tendon]
+    steps = np.clip(np.rint(tensions / tension_max * (len(RAMP) - 1)), 0, len(RAMP) - 1).astype(int)
+    return [f"t{step}" if tension > 0 else "slack" for step, tension in zip(steps, tensions, strict=True)]
 
 
 def _dimension(view: View, projection: Projection, right: float) -> str:

@@ -12,6 +12,8 @@ function startModes(root, data, motion, themes, calm) {
   const buttons = [...document.querySelectorAll("button[data-mode]")];
   const strain = new Float32Array(motion.model.tendons.length / 2);
   const original = new Float32Array(strain.length);
+  const owner = motion.model.tendonOf; // tendons are drawn by segments; a cable lengthens by the sum of its own
+  const growth = new Float32Array(strain.length);
   let [mode, playing, began, waiting, greatest] = [data.first, false, 0, false, 1];
 
   stage.points.set(rest);
@@ -27,7 +29,9 @@ function startModes(root, data, motion, themes, calm) {
   function deflect(amount) {
     const scale = (amount * SWING * stage.camera.radius) / 127;
     for (let k = 0; k < size; k++) stage.points[k] = rest[k] + scale * shapes[mode * size + k];
-    for (let k = 0; k < strain.length; k++) strain[k] = stage.length(TENDON, k) - original[k];
+    growth.fill(0);
+    for (let k = 0; k < strain.length; k++) growth[owner[k]] += stage.length(TENDON, k) - original[k];
+    for (let k = 0; k < strain.length; k++) strain[k] = growth[owner[k]];
   }
 
   function redraw() {

@@ -7,6 +7,7 @@ const NODE = 2;
 
 class Stage {
   // model: nodes (count), rods and tendons (tail, head, tail, head, ...), pinned (node numbers), ground (m or null).
+  // The tendons are segments: tendonOf says for each which tendon or cable it is a piece of.
   constructor(canvas, model, themes, centre, reach) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");

@@ -23,7 +23,7 @@ from tensctl.statics.algebra.rank_decision import RankDecision
 from tensctl.statics.prestress.rank import Subspaces, subspaces
 from tensctl.statics.prestress.stress_matrix import stress_matrix
 from tensctl.statics.stability import Stability
-from tensctl.structure import Structure
+from tensctl.structure import Structure, refuse_cables
 from tensctl.structure.structure import lengths
 
 _EPS = np.finfo(float).eps
@@ -87,7 +87,13 @@ def super_stability(
 
     Eigenvalues are accurate to about N * 1e-16 of the largest force density: members a million times shorter than
     others hide the rest, and the verdict is then "undecided".
+
+    Raises
+    ------
+    StructureError
+        For a structure with cables.
     """
+    refuse_cables(structure, "a stress matrix has one force density a tendon", "give each piece its own tendon")
     kept = ~structure.grounded_tendons
     densities = tensions / lengths(nodes, structure.tendons)
     pushes = rod_forces / lengths(nodes, structure.rods)
