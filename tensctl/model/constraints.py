@@ -21,7 +21,6 @@ from jaxtyping import Float, Int
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from tensctl.elements import JointedManifold, RodManifold
-from tensctl.structure import Structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +47,13 @@ class Constraints:
     place: Int[np.ndarray, " places"]
 
     @classmethod
-    def of(cls, structure: Structure, manifold: RodManifold | JointedManifold, mass: np.ndarray) -> Constraints:
+    def of(cls, manifold: RodManifold | JointedManifold) -> Constraints:
         """The rows of a structure, independent and in order; none for rods that share nothing."""
         if isinstance(manifold, RodManifold):
             none = np.zeros(0, int)
             return cls(none, none, np.zeros(0), np.zeros((0, 2), int), none, np.zeros(1, int))
         first, second, target = manifold.first, manifold.second, manifold.target
-        keep = _independent(manifold, first, second)
+        keep = _independent(manifold)
         first, second, target = first[keep], second[keep], target[keep]
         order = _order(first, second)
         return cls.profiled(first[order], second[order], target[order])
@@ -92,8 +91,9 @@ def _order(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(reverse_cuthill_mckee(sp.csr_matrix(_meeting(first, second)), symmetric_mode=True), int)
 
 
-def _independent(manifold: JointedManifold, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def _independent(manifold: JointedManifold) -> np.ndarray:
     """As many rows as the manifold found independent, by a pivoted QR at the structure's own nodes."""
+    first, second = manifold.first, manifold.second
     if manifold.rank == first.size:
         return np.arange(first.size)
     ends = manifold.anchor[manifold.end_node]

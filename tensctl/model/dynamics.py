@@ -105,7 +105,7 @@ class Dynamics:
     @cached_property
     def constraints(self) -> Constraints:
         """Joints and guides as linear rows; none where rods share nothing."""
-        return Constraints.of(self.structure, self.potential.manifold, self.members.mass)
+        return Constraints.of(self.potential.manifold)
 
     @cached_property
     def layout(self) -> Layout:

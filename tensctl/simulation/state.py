@@ -32,10 +32,15 @@ def state_at(
             f"rod {structure.rod_labels[worst]} starts {stretch[worst]:.1e} of its length too long or short; "
             "rods are rigid, so start from nodes with the structure's rod lengths."
         )
-    moved = np.abs(nodes - structure.nodes)[structure.pinned].max(initial=0.0)
-    moved = max(moved, np.abs(velocities)[structure.pinned].max(initial=0.0))
+    moved = np.abs(nodes - structure.nodes)[structure.held].max(initial=0.0)
+    moved = max(moved, np.abs(velocities)[structure.held].max(initial=0.0))
     if moved > 1e-9 * np.ptp(structure.nodes, axis=0).max():
-        raise SimulationError("a pinned node is moved at the start; pinned nodes stay where the structure has them.")
+        raise SimulationError(
+            "a pinned node is moved at the start; pinned nodes stay where the structure has them, guided ones in the "
+            "directions that are held."
+        )
+    if structure.planar and max(np.abs(nodes[:, 2]).max(), np.abs(velocities[:, 2]).max()) > 0:
+        raise SimulationError("the start leaves the plane of a planar structure; give nodes and velocities with z = 0.")
     along = np.abs(np.einsum("ri,ri->r", q[:, 3:], v[:, 3:])) / structure.rod_lengths
     speed = np.linalg.norm(v[:, 3:], axis=1).max(initial=0.0)
     if along.max(initial=0.0) > 1e-9 * max(speed, 1e-300) and speed > 0:
