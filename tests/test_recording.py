@@ -16,7 +16,7 @@ from support import shell_scene
 
 import tensctl as tc
 from tensctl.simulation import journal
-from tensctl.simulation.integrators import Method
+from tensctl.simulation.integrators import Method, choose
 from tensctl.simulation.journal import mend, staged
 from tensctl.simulation.store import Store
 from tensctl.synthesis import StepRecord
@@ -168,6 +168,18 @@ class TestGoingOn:
         tc.resume(shell[0], tmp_path / "cut.nc")
         difference = contents(tmp_path / "cut.nc").nodes - contents(tmp_path / "whole.nc").nodes
         assert np.abs(difference[:200]).max() == 0 < np.abs(difference[200:]).max()
+
+    def test_with_the_method_that_it_began_with(self, shell, tmp_path, stop, monkeypatch):
+        """Should "auto" take another one by then, that changes nothing."""
+        given = {"t_end": 0.02, "chunk": 200}
+        tc.simulate(*shell, store=tmp_path / "whole.nc", **given)
+        stop(1)
+        with pytest.raises(StoppedError):
+            tc.simulate(*shell, store=tmp_path / "cut.nc", **given)
+        monkeypatch.undo()
+        monkeypatch.setattr(choose, "_fitting", lambda *_: ("dopri5", "another time"))
+        assert tc.resume(shell[0], tmp_path / "cut.nc").method == "splitting6"
+        xr.testing.assert_identical(contents(tmp_path / "cut.nc"), contents(tmp_path / "whole.nc"))
 
 
 class TestTheFile:
@@ -383,6 +395,12 @@ class TestRefusals:
     def test_a_damaged_file(self, shell, cut):
         cut.write_bytes(cut.read_bytes()[:20_000])
         with pytest.raises(tc.SimulationError, match="is no run that can go on"):
+            tc.resume(shell[0], cut)
+
+    def test_another_version_of_the_integrator(self, shell, cut):
+        with h5py.File(cut, "r+") as file:
+            del file["resume/state/integrator.step"]
+        with pytest.raises(tc.SimulationError, match="another version of splitting6"):
             tc.resume(shell[0], cut)
 
     def test_controllers(self, shell, cut, tmp_path):

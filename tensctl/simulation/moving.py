@@ -79,12 +79,22 @@ class Moving:
         }  # fmt: skip
 
     def restore(self, state: dict[str, np.ndarray], count: int, status: str) -> None:
-        """Be where `state` was given, with so many records behind, and what the controller said last."""
+        """Be where `state` was given, with so many records behind, and what the controller said last.
+
+        Raises
+        ------
+        SimulationError
+            When the integrator carries along more than it did then.
+        """
+        integrator = self._choice.integrator
+        carried = {name: f"integrator.{name}" for name, _ in carried_by(integrator)}
+        if not set(carried.values()) <= set(state):
+            raise SimulationError(f"the run was recorded by another version of {integrator.name}; start it again.")
         self._record.turn_to(count)
         self._q, self._v, self._status = state["q"], state["v"], status
         self.actuators.rest, self.actuators.asked, self.actuators.rate = (state[k] for k in ("rest", "asked", "rate"))
-        for name, value in carried_by(self._choice.integrator):
-            setattr(self._choice.integrator, name, type(value)(state[f"integrator.{name}"]))
+        for name, value in carried_by(integrator):
+            setattr(integrator, name, type(value)(state[carried[name]]))
 
     def finished(self, controller: Controller | None) -> Run:
         """The run, as far as it is still remembered."""

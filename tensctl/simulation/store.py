@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -118,7 +118,8 @@ def read_stored(path: Path, dynamics: Dynamics) -> Stored:
         with h5py.File(path, "r") as file:
             group, held = _group(file, _GROUP), _group(file, f"{_GROUP}/state")
             prints = {name: str(_dataset(group, name).asstr()[()]) for name in fingerprints(dynamics)}
-            request = Request.of_text(str(_dataset(group, "request").asstr()[()]), _dataset(group, "times")[:])
+            asked = Request.of_text(str(_dataset(group, "request").asstr()[()]), _dataset(group, "times")[:])
+            request = replace(asked, method=file.attrs["method"])  # what "auto" took, should it take another now
             state = {name: np.asarray(_dataset(held, name)[()]) for name in map(str, held)}
             count, status = len(_dataset(file, "time")), str(_dataset(file, "status").asstr()[-1])
     except (OSError, KeyError, ValueError):
