@@ -102,6 +102,31 @@ class TestReference:
         assert np.abs(run.nodes.reshape(len(times), -1) - wanted[:, :18]).max() < 1e-9
         assert np.abs(run.velocities.reshape(len(times), -1) - wanted[:, 18:36]).max() < 1e-8
 
+    def test_two_stages_with_dampers_that_may_push(self):
+        """STEDY's pinned mast under weight, damped, going slack: its law lets a taut damper push, ours clamps it."""
+        with np.load(REFERENCE / "twostage_pinned.npz", allow_pickle=False) as data:
+            nodes, first, times, size = data["N"].T, data["Nd"].T, data["t"], data["N"].size
+            ends = [np.column_stack([(C < 0).argmax(axis=1), (C > 0).argmax(axis=1)]) for C in (data["Cb"], data["Cs"])]
+            by_tendon = {"stiffness": data["K"], "rest_length": data["L0"], "damping": data["damper"]}
+            mass, g, pins = data["mbar"], data["g"], np.flatnonzero(data["fixed"].all(axis=0))
+            wanted, other = data["y_dop853"], data["y_stedy"]
+        structure = tc.network(nodes, *ends, pins=pins.tolist())
+        labels = structure.tendon_labels
+        scene = tc.Scene(
+            structure=structure,
+            rods={"mass": dict(zip(structure.rod_labels, mass.tolist(), strict=True))},
+            tendons={key: dict(zip(labels, values.tolist(), strict=True)) for key, values in by_tendon.items()},
+            gravity={"g": g.tolist()},
+        )
+        dynamics = tc.build_dynamics(scene)
+        run = tc.simulate(replaced(dynamics, clamped=False), (nodes, first), timepts=times, tol=1e-12)
+        assert (run.tensions == 0).any()
+        assert np.abs(run.nodes.reshape(len(times), -1) - wanted[:, :size]).max() < 1e-10
+        assert np.abs(run.nodes.reshape(len(times), -1) - other[:, :size]).max() < 1.4e-8
+        assert np.abs(run.velocities.reshape(len(times), -1) - wanted[:, size : 2 * size]).max() < 1e-9
+        clamped = tc.simulate(dynamics, (nodes, first), timepts=times)
+        assert 1e-5 < np.abs(clamped.nodes - run.nodes).max() < 1e-3
+
     def test_physical_pendulum_in_closed_form(self):
         """A rod of length 2 on a pin under gravity: its period from the complete elliptic integral."""
         import scipy.special
