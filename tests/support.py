@@ -110,7 +110,7 @@ def clustered(structure, cables, pins=()):
     recipe = structure.as_recipe()
     gone = {frozenset(piece) for path in cables.values() for piece in pairwise(path)}
     kept = {label: ends for label, ends in recipe["tendons"].items() if frozenset(ends) not in gone}
-    return recipe | {"tendons": kept | cables, "pins": list(pins)}
+    return recipe | {"tendons": kept | cables, "pins": pins if isinstance(pins, dict) else list(pins)}
 
 
 def mast_scene(pins=(), **sections):

@@ -22,6 +22,8 @@ import tensctl as tc
 from tensctl.elements import Potential
 from tensctl.elements.cables import cable_terms
 from tensctl.errors import StructureError
+from tensctl.model.joint_kernel import constrain
+from tensctl.model.kernel import accelerations
 from tensctl.pipeline.case import checks
 from tensctl.simulation import momenta, total_energy
 from tensctl.simulation.rod_forces import end_forces
@@ -84,10 +86,25 @@ ALL = {
 }
 
 
+def class_two_scene(**sections):
+    """Rods that share nodes, the lowest and the highest ring as cables."""
+    shell = tc.shell(3, 2, cls=2)
+    rings = {"bottom": ("P1", 1), "top": ("P4", 2)}
+    paths = {name: [labelled(shell, f"{p}_{i}_{j}") for i in (1, 2, 3, 1)] for name, (p, j) in rings.items()}
+    return tc.Scene(structure=clustered(shell, paths), **sections)
+
+
+def labelled(structure, part):
+    """The node that a label names, or that was merged from it."""
+    return next(label for label in structure.node_labels if part in label.split("+"))
+
+
 SCENES = {
     "free": mast_scene(),
     "EA": mast_scene(tendons={"EA": 150.0, "rest_ratio": 0.9, "damping": 2.0}),
     "everything": mast_scene(**ALL),
+    "guides": mast_scene({"P1_*_1": "z", "P4_1_2": "xy"}),
+    "joints": class_two_scene(),
     "EA, everything": mast_scene(**ALL | {"tendons": {"EA": 150.0, "rest_ratio": 0.9, "damping": 2.0}}),
 }
 
@@ -100,11 +117,13 @@ def mast():
 class TestPotential:
     STEPS = 2.0 ** -np.arange(4, 10)
 
-    @pytest.fixture(params=["free", "EA", "everything"])
+    @pytest.fixture(params=["free", "EA", "everything", "guides", "joints"])
     def point(self, request):
         potential, rng = Potential.of(SCENES[request.param]), np.random.default_rng(3)
         nodes, _ = random_motion(potential, rng, reach=0.05)
-        return potential.at(nodes)
+        rest = 0.75 * potential.members.rest_lengths
+        assert (potential.structure.lengths_at(nodes) > 1.05 * rest).all(), "taut, and away from where it would not be"
+        return potential.at(nodes, rest)
 
     def moved(self, point, xi):
         return point.potential.at(point.potential.manifold.retract(point.nodes, xi), point.rest_lengths)
@@ -265,6 +284,15 @@ class TestPulleys:
         wanted = [3 * (k[0] + k_e + T), 3 * (2 * k[0] + T)]
         assert omega2 == pytest.approx(sorted(wanted), rel=1e-12)
 
+    def test_a_tackle_pulls_twice(self):
+        """From the head over e and back to the head, 4 m with rest length 3 m, against one tendon to w."""
+        recipe = tc.build_structure(guyed(False)).as_recipe()
+        recipe["tendons"] = {"tackle": ["head", "e", "head"], "w": ["w", "head"]}
+        scene = tc.Scene(structure=recipe, tendons={"stiffness": 100.0, "rest_length": {"tackle": 3.0, "w": 1.0}})
+        point = Potential.of(scene).at(tc.build_structure(scene).nodes)
+        assert point.terms.tensions == pytest.approx([100.0, 100.0], rel=1e-14)
+        assert point.nodal_forces[1] == pytest.approx([200.0 - 100.0, 0.0, 0.0], abs=1e-12)
+
     def test_small_swings_have_that_period(self):
         scene = guyed(True, tendons={"stiffness": 100.0, "rest_length": 3.5})
         dynamics = tc.build_dynamics(scene)
@@ -321,6 +349,29 @@ class TestMotion:
         forces, _ = end_forces(dynamics, run)
         for k in (0, -1):
             close(forces[k], dynamics.potential.at(run.nodes[k]).nodal_forces, 1e-12)
+
+
+class TestJoints:
+    def test_kernel_and_casadi_agree(self):
+        dynamics = tc.build_dynamics(class_two_scene(tendons={"damping": 1.0}))
+        nodes, velocities = random_motion(dynamics.potential, np.random.default_rng(7), reach=0.05)
+        q, v, data = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities), dynamics.kernel
+        found, forces = np.zeros_like(q), dynamics.layout.spread(dynamics.members.forces)
+        accelerations(data, q, v, dynamics.members.rest_lengths, forces, found)
+        assert constrain(data, q, found, np.zeros(data.place[-1]), np.zeros(data.first.size))
+        x = dynamics.pack(nodes, velocities)
+        rate = np.asarray(dynamics.f(x, np.zeros(dynamics.members.inputs.size), np.zeros(0))).ravel()
+        close(rate[x.size // 2 :], found.ravel(), 1e-12)
+
+    def test_energy_and_momenta_stay(self):
+        dynamics = tc.build_dynamics(class_two_scene())
+        nodes = dynamics.structure.nodes
+        velocities = np.array([0.3, -0.2, 0.5]) + np.cross([0.5, 1.0, -0.7], nodes)
+        run = tc.simulate(dynamics, (nodes, velocities), t_end=0.5)
+        energy, (linear, angular) = total_energy(dynamics, run), momenta(dynamics, run)
+        assert np.abs(energy / energy[0] - 1).max() < 1e-8
+        assert np.abs(linear - linear[0]).max() < 1e-9 * np.abs(linear).max()
+        assert np.abs(angular - angular[0]).max() < 1e-9 * np.abs(angular).max()
 
 
 def test_the_model_says_that_it_has_cables():
