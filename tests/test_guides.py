@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import order_of, prism_scene, shell_scene, solved
+from support import order_of, prism_scene, random_motion, shell_scene, solved
 
 import tensctl as tc
 from tensctl.elements import JointedManifold, Potential
 from tensctl.interop.mjcf import mjcf
+from tensctl.model.joint_kernel import constrain
+from tensctl.model.kernel import accelerations
 from tensctl.model.shell_equations import ShellEquations
 from tensctl.statics.prestress import self_stress
 from tensctl.statics.rigid import rigid_motions
@@ -254,3 +256,63 @@ class TestRefusals:
         rest = tc.find_equilibrium(prism_scene(14, pins={"a*": "z"}))
         assert rest.symmetry is None
         assert rest.stable is not tc.Stability.NO
+
+
+class TestMotion:
+    @scenes
+    def test_kernel_and_casadi_agree(self, make):
+        dynamics = tc.build_dynamics(make(tendons={"damping": 1.0}, loads={"P2_*_1*": [0.3, 0.2, -1.0]}))
+        nodes, velocities = random_motion(dynamics.potential, np.random.default_rng(4), reach=0.05)
+        q, v = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities)
+        a, data = np.zeros_like(q), dynamics.kernel
+        accelerations(data, q, v, dynamics.members.rest_lengths, dynamics.layout.spread(dynamics.members.forces), a)
+        assert constrain(data, q, a, np.zeros(data.place[-1]), np.zeros(data.first.size))
+        x = dynamics.pack(nodes, velocities)
+        rate = np.asarray(dynamics.f(x, np.zeros(len(dynamics.members.inputs)), np.zeros(0))).ravel()
+        assert np.abs(rate[x.size // 2 :] - a[dynamics._kept]).max() < 1e-12 * np.abs(a).max()
+
+    @scenes
+    def test_linear_model_is_that_of_the_motion(self, make):
+        """State derivatives of f and of the linear model differ as h^2 near the rest, guides kept."""
+        dynamics, rest, linear = solved(make())
+        way, steps, off = np.random.default_rng(5).normal(size=linear.A.shape[0]), np.array([4e-4, 2e-4, 1e-4]), []
+        manifold = rest.potential.manifold
+        weight = manifold.mass(dynamics.members.mass)
+        for h in steps:
+            nodes = manifold.retract(rest.nodes, h * (linear.shapes @ way[: manifold.size]))
+            x = dynamics.pack(nodes)
+            _, a = dynamics.unpack(np.concatenate([x[: x.size // 2], np.asarray(dynamics.f(x, np.zeros(
+                len(dynamics.members.inputs)), np.zeros(0))).ravel()[x.size // 2 :]]))  # fmt: skip
+            state = linear.state_of(nodes, 0 * nodes)
+            eta = linear.shapes.T @ (weight * manifold.velocity(rest.nodes, nodes, a))
+            rate = (linear.A @ state)[np.argsort(linear.order)][manifold.size :]
+            off.append(np.abs(eta - rate).max())
+        assert order_of(steps, off) == pytest.approx(2, abs=0.1)
+
+    @scenes
+    def test_energy_and_guides_are_kept(self, make):
+        scene = make()
+        dynamics = tc.build_dynamics(scene)
+        start = random_motion(dynamics.potential, np.random.default_rng(6), reach=0.02, speed=0.5)
+        run = tc.simulate(dynamics, start, t_end=0.5, timepts=np.linspace(0, 0.5, 11))
+        run.verify()
+        structure = dynamics.structure
+        off = np.abs(run.nodes - structure.nodes)[:, structure.held].max()
+        assert off < 1e-13
+        assert np.abs(run.velocities[:, structure.held]).max() < 1e-12
+        energies = np.array([total_energy(dynamics, *state) for state in zip(run.nodes, run.velocities, strict=True)])
+        assert np.ptp(energies) < 1e-8 * energies.max()
+
+    def test_a_guided_node_cannot_start_elsewhere(self):
+        dynamics = tc.build_dynamics(guided_shell())
+        structure = dynamics.structure
+        velocities = np.where(structure.guides, 1.0, 0.0)
+        with pytest.raises(tc.SimulationError, match="guided ones in the directions that are held"):
+            tc.simulate(dynamics, (structure.nodes, velocities), t_end=0.1)
+
+
+def total_energy(dynamics, nodes, velocities):
+    """Potential energy and that of slender rods, m/6 (v1.v1 + v1.v2 + v2.v2), J."""
+    first, second = (velocities[dynamics.structure.rods[:, k]] for k in (0, 1))
+    squares = (first * first + first * second + second * second).sum(axis=1)
+    return dynamics.potential.at(nodes).energy + float(dynamics.members.mass @ squares) / 6

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import order_of, solved
+from support import order_of, random_motion, solved
 
 import tensctl as tc
 from tensctl.elements import JointedManifold, Potential, RodManifold
@@ -197,3 +197,56 @@ class TestLinear:
 def test_rooms_without_planes(ask, words):
     with pytest.raises(tc.StructureError, match=f"the structure is planar, and {words}"):
         ask(in_plane(CASES["free"]))
+
+
+class TestMotion:
+    @cases
+    def test_the_model_has_two_dimensions(self, case):
+        """X has two components of q1 and q2 of free rods and of q2 of held ones; f costs a fifth less than in space."""
+        flat = tc.build_dynamics(in_plane(case))
+        hold = flat.potential.manifold.hold
+        assert flat.f.size1_in(0) == 4 * np.select([hold == 0, hold == 3], [2, 0], 1).sum()
+        if not flat.tied:
+            deep = tc.build_dynamics(tc.Scene(structure=replace(flat.structure, planar=False)))
+            assert operations(flat.f) < 0.8 * operations(deep.f)
+
+    @cases
+    def test_it_moves_as_the_model_in_space_with_z_held(self, case):
+        """Accelerations of the CasADi model of the plane are those in space with guides."""
+        flat, deep = (tc.build_dynamics(make(case, **loaded(case))) for make in (in_plane, in_space))
+        nodes, velocities = random_motion(flat.potential, np.random.default_rng(7), reach=0.05)
+        rates = []
+        for dynamics in (flat, deep):
+            x = dynamics.pack(nodes, velocities)
+            rate = np.asarray(dynamics.f(x, np.zeros(len(dynamics.members.inputs)), np.zeros(0))).ravel()
+            _, a = dynamics.unpack(np.concatenate([x[: x.size // 2], rate[x.size // 2 :]]))
+            rates.append(a)
+        assert rates[0] == pytest.approx(rates[1], abs=1e-11 * np.abs(rates[1]).max())
+        again = flat.unpack(flat.pack(nodes, velocities))
+        assert again[0] == pytest.approx(nodes, abs=1e-14)
+        assert again[1] == pytest.approx(velocities, abs=1e-13)
+
+    @pytest.mark.parametrize("name", ["free", "jointed"])
+    def test_runs_agree(self, name):
+        case = CASES[name]
+        flat, deep = (tc.build_dynamics(make(case)) for make in (in_plane, in_space))
+        start = random_motion(flat.potential, np.random.default_rng(8), reach=0.02, speed=0.5)
+        runs = [tc.simulate(d, start, t_end=0.5, timepts=[0, 0.25, 0.5]) for d in (flat, deep)]
+        assert (runs[0].nodes[..., 2] == 0).all()
+        assert runs[0].nodes == pytest.approx(runs[1].nodes, abs=1e-8)
+
+    def test_disturbances(self):
+        """A push has two components, in f as in the linear model."""
+        push = [{"node": "b", "force": [1.0, 2.0, 0], "from": 0, "to": 1}]
+        dynamics, rest, linear = solved(in_plane(CASES["pinned"], simulation={"t_end": 1.0, "push": push}))
+        assert dynamics.f.size1_in(2) == 2 == linear.E.shape[1]
+        w, h = np.array([1.0, 2.0]), 1e-6
+        at_rest = dynamics.pack(rest.nodes)
+        rate = np.asarray(dynamics.f(at_rest, np.zeros(4), w)).ravel()
+        ahead, back = (linear.state_of(*dynamics.unpack(at_rest + s * h * rate)) for s in (1, -1))
+        assert (ahead - back) / (2 * h) == pytest.approx(linear.E @ w, abs=1e-6)
+
+
+def operations(f):
+    """Instructions of a function but for those that hand over its inputs and outputs."""
+    return f.n_instructions() - f.nnz_in() - f.nnz_out()

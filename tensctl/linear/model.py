@@ -95,8 +95,8 @@ class LinearModel:
 
     @cached_property
     def E(self) -> Float[np.ndarray, "nx nw"]:
-        """Disturbance matrix: forces on the pushed nodes, N."""
-        rows = (3 * self.dynamics.members.pushed[:, None] + np.arange(3)).ravel()
+        """Disturbance matrix: forces on the pushed nodes, N, without z in a plane."""
+        rows = (3 * self.dynamics.members.pushed[:, None] + np.arange(self.dynamics.structure.dimension)).ravel()
         drive = self.shapes.T @ self.equilibrium.point.tangent[rows].toarray().T
         return np.vstack([np.zeros_like(drive), drive])[self.order]
 

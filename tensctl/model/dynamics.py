@@ -201,7 +201,8 @@ class Dynamics:
     @cached_property
     def _kept(self) -> np.ndarray:
         hold = self.potential.manifold.hold
-        return np.column_stack([np.repeat((hold == 0)[:, None], 3, axis=1), np.repeat((hold != 3)[:, None], 3, axis=1)])
+        axes = np.arange(3) < self.structure.dimension
+        return np.column_stack([np.outer(hold == 0, axes), np.outer(hold != 3, axes)])
 
     def explain(self) -> Explanation:
         """Each term of the model, in or out, why, and its operation count."""

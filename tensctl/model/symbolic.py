@@ -4,12 +4,13 @@
 
 u shortens the acting tendons, L = L0 - u; w is the force on the pushed nodes. For structures of control size: the
 expression grows with the number of tendons. Joints and guides add multipliers: one sparse solve. What a structure does
-not have (dampers, drag, loads, pushes, pinned ends) is not in the expression.
+not have (dampers, drag, loads, pushes, pinned ends, a third dimension) is not in the expression: in a plane q and w
+have two components where they have three in space.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import casadi as ca
@@ -27,7 +28,7 @@ class SymbolicModel:
     Attributes
     ----------
     f : (x, u, w) -> dx/dt
-    y_p : x -> nodes (3N) m, [S] (5.22)
+    y_p : x -> nodes (3N) m, [S] (5.22); z = 0 in a plane
     y_l : x -> tendon lengths (nt) m
     y_f : (x, u) -> tendon tensions (nt) N
     """
@@ -40,19 +41,51 @@ class SymbolicModel:
 
 @dataclass(frozen=True, eq=False)
 class _Symbols:
-    q: ca.SX
-    v: ca.SX
+    """The model's own symbols, and what they are in space."""
+
+    own_q: ca.SX
+    own_v: ca.SX
     u: ca.SX
-    w: ca.SX
+    own_w: ca.SX
+    dimension: int
 
     @property
     def x(self) -> ca.SX:
-        return ca.vertcat(self.q, self.v)
+        return ca.vertcat(self.own_q, self.own_v)
+
+    @property
+    def q(self) -> ca.SX:
+        return self.in_space(self.own_q)
+
+    @property
+    def v(self) -> ca.SX:
+        return self.in_space(self.own_v)
+
+    @property
+    def w(self) -> ca.SX:
+        return self.in_space(self.own_w)
+
+    def in_space(self, own: ca.SX) -> ca.SX:
+        """Vectors of two components with a third one, 0, from which nothing follows that stays in an expression."""
+        if self.dimension == 3:
+            return own
+        full = ca.SX.zeros(3 * own.shape[0] // 2)
+        full[_in_plane(full)] = own
+        return full
+
+    def own(self, full: ca.SX) -> ca.SX:
+        """The components that there are."""
+        return full if self.dimension == 3 else full[_in_plane(full)]
+
+
+def _in_plane(full: ca.SX) -> list[int]:
+    return [k for k in range(full.shape[0]) if k % 3 < 2]
 
 
 def coordinate_count(potential: Potential) -> int:
-    """Length of q: 6 for a free rod, 3 for a rod held at one end, 0 for one held at both."""
-    return int(np.select([potential.manifold.hold == 0, potential.manifold.hold == 3], [6, 0], 3).sum())
+    """Length of q: 6 for a free rod, 3 for one held at one end, 0 for one held at both; in a plane 4, 2 and 0."""
+    vectors = np.select([potential.manifold.hold == 0, potential.manifold.hold == 3], [2, 0], 1)
+    return int(potential.structure.dimension * vectors.sum())
 
 
 def symbolic_model(
@@ -67,23 +100,24 @@ def symbolic_model(
     layout, constraints
         Where rods share nodes, each has two ends of its own, tied together by multipliers.
     """
-    members = potential.members
+    members, dimension = potential.members, potential.structure.dimension
     size = coordinate_count(potential)
     symbols = _Symbols(
         ca.SX.sym("q", size),
         ca.SX.sym("v", size),
         ca.SX.sym("u", len(members.inputs)),
-        ca.SX.sym("w", 3 * len(members.pushed)),
+        ca.SX.sym("w", dimension * len(members.pushed)),
+        dimension,
     )
     anchors = [ca.SX(ca.DM(p)) for p in layout.anchor]
     nodes = _ends(potential, layout, symbols.q, anchors)
     velocities = _ends(potential, layout, symbols.v, [ca.SX.zeros(3)] * len(nodes))
     paths = [layout.place[list(path)] for path in potential.structure.paths]
     tensions, forces = _forces(potential, layout, paths, symbols, nodes, velocities, damping, drag)
-    acceleration = _accelerations(potential, layout, symbols, forces)
+    acceleration = symbols.own(ca.vertcat(*_accelerations(potential, layout, symbols, forces)))
     lengths = [sum(ca.norm_2(nodes[b] - nodes[a]) for a, b in pairwise(path)) for path in paths]
-    x = symbols.x
-    rate = ca.Function("f", [x, symbols.u, symbols.w], [ca.vertcat(symbols.v, *acceleration)], ["x", "u", "w"], ["dx"])
+    x, names = symbols.x, (["x", "u", "w"], ["dx"])
+    rate = ca.Function("f", [x, symbols.u, symbols.own_w], [ca.vertcat(symbols.own_v, acceleration)], *names)
     if constraints.first.size:
         rate = _tied(potential, layout, constraints, rate, symbols)
     return SymbolicModel(
@@ -102,17 +136,17 @@ def _tied(
     rows = ca.DM(C.toarray())
     mu = ca.SX.sym("mu", C.shape[0])
     at_ends = ca.vertsplit(rows.T @ mu, 3) + [ca.SX.zeros(3)] * (len(layout.anchor) - ends)
-    still = _Symbols(symbols.q, ca.SX.zeros(symbols.v.shape), symbols.u, symbols.w)
+    still = replace(symbols, own_v=ca.SX.zeros(symbols.own_v.shape))
     answer = ca.vertcat(*_accelerations(potential, layout, still, at_ends))
     still_anchors = [ca.SX.zeros(3)] * len(layout.anchor)
     across = rows @ ca.vertcat(*_ends(potential, layout, answer, still_anchors)[:ends])
-    acceleration = ca.SX.sym("a", symbols.q.shape[0])
-    opening = rows @ ca.vertcat(*_ends(potential, layout, acceleration, still_anchors)[:ends])
-    S = ca.Function("S", [symbols.q], [ca.jacobian(across, mu)])
+    size = symbols.own_q.shape[0]
+    acceleration = ca.SX.sym("a", size)
+    opening = rows @ ca.vertcat(*_ends(potential, layout, symbols.in_space(acceleration), still_anchors)[:ends])
+    S = ca.Function("S", [symbols.own_q], [ca.jacobian(across, mu)])
     open_up = ca.Function("open_up", [acceleration], [opening])
-    answer_to = ca.Function("answer_to", [symbols.q, mu], [answer])
-    x, u, w = ca.MX.sym("x", symbols.x.shape[0]), ca.MX.sym("u", symbols.u.shape[0]), ca.MX.sym("w", symbols.w.shape[0])
-    size = symbols.q.shape[0]
+    answer_to = ca.Function("answer_to", [symbols.own_q, mu], [symbols.own(answer)])
+    x, u, w = (ca.MX.sym(name, k.shape[0]) for name, k in (("x", symbols.x), ("u", symbols.u), ("w", symbols.own_w)))
     rate = free(x, u, w)
     forces = ca.solve(S(x[:size]), -open_up(rate[size:]))
     rate = ca.vertcat(rate[:size], rate[size:] + answer_to(x[:size], forces))

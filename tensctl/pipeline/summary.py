@@ -49,6 +49,7 @@ def _equilibrium(results: Results) -> dict:
         "residual": e.residual,
         "iterations": e.iterations,
         "stable": str(e.stable),
+        "judged_in": "plane" if e.structure.planar else "space",
         "smallest_omega2": e.smallest,
         "tolerance_omega2": e.tolerance,
         "lowest_tension_N": float(e.tensions.min()) if e.tensions.size else None,

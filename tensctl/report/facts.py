@@ -68,7 +68,7 @@ def _rest(case: Case) -> list[Tile]:
     stable = str.__str__(rest.stable)
     note = f"least ω² {number(rest.smallest, 3)} rad²/s²"
     return [
-        Tile("Stable", stable, note, _STABILITY.get(stable, DOUBT)),
+        Tile(f"Stable{_within(case.structure)}", stable, note, _STABILITY.get(stable, DOUBT)),
         Tile(
             "Energy",
             f"{number(rest.energy)} J",
@@ -119,6 +119,10 @@ def _ran(case: Case) -> list[Tile]:
     if case.seconds:
         facts.append(Tile("Run time", seconds(sum(case.seconds.values())), plural(len(case.seconds), "stage")))
     return facts
+
+
+def _within(structure: Structure) -> str:
+    return " in the plane" if structure.planar else ""
 
 
 def _ground(structure: Structure) -> str:

@@ -159,7 +159,7 @@ class Equilibrium:
 
     @cached_property
     def stable(self) -> Stability:
-        """Yes, no, undecided, or "no prestress"; true only for yes."""
+        """Yes, no, undecided, or "no prestress"; true only for yes. Of a planar structure it is judged in its plane."""
         return judge(self.point, self.definiteness)
 
     def _by_harmonics(self, sector: SectorPoint) -> Definiteness:
