@@ -236,7 +236,7 @@ class TestExplain:
 
     def test_least_model(self):
         inside = {name for name, term in self.terms().items() if term.included}
-        assert inside == {"tendons", "inputs"}
+        assert inside == {"tendons", "inputs", "third dimension"}
 
     def test_full_model(self):
         outside = {

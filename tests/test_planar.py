@@ -235,6 +235,12 @@ class TestMotion:
         assert (runs[0].nodes[..., 2] == 0).all()
         assert runs[0].nodes == pytest.approx(runs[1].nodes, abs=1e-8)
 
+    def test_explained(self):
+        flat = tc.build_dynamics(in_plane(CASES["free"]))
+        deep = tc.build_dynamics(tc.Scene(structure=replace(flat.structure, planar=False)))
+        inside = [{t.name: t.included for t in d.explain().terms}["third dimension"] for d in (flat, deep)]
+        assert inside == [False, True]
+
     def test_disturbances(self):
         """A push has two components, in f as in the linear model."""
         push = [{"node": "b", "force": [1.0, 2.0, 0], "from": 0, "to": 1}]

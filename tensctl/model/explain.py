@@ -55,6 +55,12 @@ def explain(potential: Potential, damping: np.ndarray, drag: float, constraints:
             3 * max(1, int(members.pushed.size)),
         ),
         _term("rods turning about a pin", held, f"{held} rods", "no rod has exactly one end pinned", 30 * max(held, 1)),
+        Term(
+            "third dimension",
+            not structure.planar,
+            "all nodes are in a plane and stay there" if structure.planar else "nodes move in space",
+            None,
+        ),
         Term("mass matrix", False, "accelerations are explicit in rod-end coordinates", None),
         _term(
             "multipliers",
