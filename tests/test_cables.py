@@ -24,6 +24,7 @@ from tensctl.elements.cables import cable_terms
 from tensctl.errors import StructureError
 from tensctl.model.joint_kernel import constrain
 from tensctl.model.kernel import accelerations
+from tensctl.model.shell_equations import ShellEquations
 from tensctl.pipeline.case import checks
 from tensctl.simulation import momenta, total_energy
 from tensctl.simulation.rod_forces import end_forces
@@ -372,6 +373,32 @@ class TestJoints:
         assert np.abs(energy / energy[0] - 1).max() < 1e-8
         assert np.abs(linear - linear[0]).max() < 1e-9 * np.abs(linear).max()
         assert np.abs(angular - angular[0]).max() < 1e-9 * np.abs(angular).max()
+
+
+@pytest.mark.parametrize("damping", [0.0, 1.5])
+def test_tendons_of_one_segment_move_as_tendons(damping):
+    """The kernels of cables given a structure without any: the same accelerations, undamped the same run."""
+    scene = shell_scene(tendons={"damping": damping})
+    plain, segmented = tc.build_dynamics(scene), tc.build_dynamics(scene)
+    segmented.__dict__["kernel"] = plain.kernel._replace(cables=True)
+    start = random_motion(plain.potential, np.random.default_rng(0), reach=0.2)
+    q, v = (plain.rod_coordinates(part) for part in start)
+    found = np.zeros((2, *q.shape))
+    for dynamics, a in zip((plain, segmented), found, strict=True):
+        accelerations(dynamics.kernel, q, v, dynamics.members.rest_lengths, dynamics.members.forces, a)
+    close(found[1], found[0])
+    if not damping:
+        one, other = (tc.simulate(dynamics, start, t_end=0.3) for dynamics in (plain, segmented))
+        assert one.switches == other.switches > 0
+        close(other.nodes, one.nodes, 1e-11)
+
+
+def test_equations_of_the_paper_see_a_cable():
+    """The same ends under the same labels, but one tendon takes a longer way."""
+    recipe = tc.shell(3, 1).as_recipe()
+    recipe["tendons"]["t1_1_1"].insert(1, "P3_2_1")
+    with pytest.raises(StructureError, match="no Class 1 shell"):
+        ShellEquations.of(tc.Scene(structure=recipe))
 
 
 def test_the_model_says_that_it_has_cables():

@@ -231,7 +231,7 @@ def _size_of(structure: Structure) -> tuple[int, int, bool]:
 
 def _same_connection(structure: Structure, wanted: Structure) -> bool:
     labels = structure.node_labels == wanted.node_labels and structure.tendon_labels == wanted.tendon_labels
-    ends = np.array_equal(structure.rods, wanted.rods) and np.array_equal(structure.tendons, wanted.tendons)
+    ends = np.array_equal(structure.rods, wanted.rods) and np.array_equal(structure.segments, wanted.segments)
     return labels and ends
 
 
