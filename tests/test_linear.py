@@ -21,6 +21,21 @@ from support import (
 import tensctl as tc
 from tensctl.linear import sample_ramped
 
+GUIDES = {"P1_1_1": "xyz", "P1_2_1": "z", "P1_3_1": "xz", "P4_1_1": "y"}
+# On a free end, on a node where two rods meet, and a pin where two rods meet.
+GUIDED_JOINTS = {"P1_1_1": "z", "P2_1_1": "x", "P4_1_1": "xyz"}
+KITE = tc.planar(
+    {"a": [0, 0], "b": [1.1, 1], "c": [0, 1], "d": [1, 0]},
+    {"r": ["a", "b"], "s": ["c", "d"]},
+    {"ac": ["a", "c"], "cb": ["c", "b"], "bd": ["b", "d"], "da": ["d", "a"]},
+)
+# Two rods in a joint, the lower one on a guide; one cable runs from the ground over the joint to the tip.
+ARM = tc.planar(
+    {"o": [0, 0], "p": [0, 1], "q": [0.9, 1.0], "l": [-1, 0], "g": [2, 0]},
+    {"lower": ["o", "p"], "upper": ["p", "q"]},
+    {"back": ["l", "p", "q"], "lo": ["l", "o"], "og": ["o", "g"], "gp": ["g", "p"], "gq": ["g", "q"]},
+    {"o": "y", "l": "xy", "g": "xy"},
+)
 DAMPED = {"tendons": {"damping": 1.5}, "drag": {"coefficient": 0.3}}
 SCENES = {
     "free": shell_scene(),
@@ -32,6 +47,13 @@ SCENES = {
     "weight": shell_scene(pins=["P1_*_1"], gravity={"g": 9.8}, loads={"P4_1_1": [1, 2, 3]}, tendons={"stiffness": 300}),
     "cables": mast_scene(),
     "cables, pinned damped EA": mast_scene(["P1_*_1"], tendons={"EA": 150.0, "damping": 1.5}),
+    "joints": shell_scene(3, 2, cls=2),
+    "guides, damped EA": shell_scene(pins=GUIDES, tendons={"EA": 150.0, "damping": 1.5}),
+    "joints, guides, weight": shell_scene(
+        3, 2, cls=2, pins=GUIDED_JOINTS, gravity={"g": 2.0}, drag={"coefficient": 0.3}
+    ),
+    "plane": tc.Scene(structure=KITE),
+    "plane, joint, guide, cable": tc.Scene(structure=ARM, tendons={"damping": 1.5}, loads={"q": [0.3, -1.0, 0.0]}),
     "prism, two actuators": prism_scene(actuators={"tendons": ["top1", "side2"]}),
 }
 STEPS = np.array([2e-2, 1e-2, 5e-3, 2.5e-3])
@@ -59,13 +81,9 @@ class Neighbour:
         nodes = self.manifold.retract(self.rest.nodes, step)
         along = [self.manifold.retract(self.rest.nodes, step + h * rate) for h in (1e-6, -1e-6)]
         velocities = (along[0] - along[1]) / 2e-6
-        turning = velocities[self.manifold.rods[:, 1]] - velocities[self.manifold.rods[:, 0]]
-        e = self.manifold.directions(nodes)
-        stretch = 0.5 * np.einsum("ri,ri->r", e, turning)[:, None] * e
-        for side, sign in ((0, 1), (1, -1)):
-            free = self.manifold.hold == 0
-            velocities[self.manifold.rods[free, side]] += sign * stretch[free]
-        return nodes, velocities
+        tangent = self.manifold.tangent(nodes).toarray()
+        velocities = tangent @ np.linalg.lstsq(tangent, velocities.ravel(), rcond=None)[0]
+        return nodes, velocities.reshape(-1, 3)
 
     def rate(self, x, u):
         """dx/dt of the nonlinear structure, by central differences of `state_of` along its own motion."""
@@ -86,7 +104,7 @@ class Neighbour:
     def outputs(self, x, u):
         nodes, velocities = self.placed(x)
         state = self.dynamics.pack(nodes, velocities)
-        free = ~self.dynamics.structure.pinned
+        free = self.dynamics.structure.free
         placed = np.asarray(self.dynamics.y_p(state)).reshape(-1, 3)[free]
         parts = placed, self.dynamics.y_l(state), self.dynamics.y_f(state, u)
         return np.concatenate([np.asarray(part).ravel() for part in parts])
