@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from tensctl.elements import Potential
 from tensctl.model.constraints import Constraints
@@ -187,7 +187,7 @@ class Dynamics:
     ) -> Float[np.ndarray, " x"]:
         """State x of the CasADi functions from nodes and node velocities (at rest by default)."""
         rates = np.zeros_like(nodes) if velocities is None else velocities
-        keep = self._kept
+        keep = self.state_mask
         return np.concatenate([self.rod_coordinates(nodes)[keep], self.rod_coordinates(rates)[keep]])
 
     def unpack(self, x: Float[np.ndarray, " x"]) -> tuple[np.ndarray, np.ndarray]:
@@ -199,7 +199,8 @@ class Dynamics:
         return nodes, rates - still
 
     @cached_property
-    def _kept(self) -> np.ndarray:
+    def state_mask(self) -> Bool[np.ndarray, "rods 6"]:
+        """Which rod coordinates are in the state x: all of a free rod, q2 of one held at one end."""
         hold = self.potential.manifold.hold
         axes = np.arange(3) < self.structure.dimension
         return np.column_stack([np.outer(hold == 0, axes), np.outer(hold != 3, axes)])

@@ -10,7 +10,7 @@ from tensctl.model import Dynamics
 from tensctl.simulation.integrators.base import Integrator
 from tensctl.simulation.integrators.tables import Order
 
-Method = Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5"]
+Method = Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5", "cvodes", "idas"]
 
 _ORDERS: dict[str, Order] = {"splitting2": 2, "splitting4": 4, "splitting6": 6}
 # Above this tolerance a step of order 4 is as long as one of order 6, for half the forces.
@@ -42,9 +42,21 @@ def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Choice:
     rate = dynamics.fastest_rate
     if method in _ORDERS:
         return Choice(_splitting(dynamics, _ORDERS[method], tol, rate), why)
+    return Choice(_adaptive(dynamics, method, tol, rate), why)
+
+
+def _adaptive(dynamics: Dynamics, method: Method, tol: float, rate: float) -> Integrator:
+    if method == "cvodes":
+        from tensctl.simulation.integrators.cvodes import Cvodes
+
+        return Cvodes(dynamics, tol)
+    if method == "idas":
+        from tensctl.simulation.integrators.idas import Idas
+
+        return Idas(dynamics, tol)
     from tensctl.simulation.integrators.dormand_prince import DormandPrince
 
-    return Choice(DormandPrince(dynamics, tol, rate), why)
+    return DormandPrince(dynamics, tol, rate)
 
 
 def _fitting(dynamics: Dynamics, tol: float) -> tuple[Method, str]:

@@ -1,0 +1,70 @@
+"""CVODES through CasADi on the project's own model: x' = f(x, u, w), variable order and step, exact Jacobian.
+
+Another integrator of the same statement of the physics: what it shares with the compiled methods is [S] (5.21), not
+the kernel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from tensctl.model.symbolic import symbolic_model
+from tensctl.simulation.drive import Drive
+from tensctl.simulation.integrators.judge import Judge, inputs_at
+
+
+@dataclass(eq=False)
+class Cvodes(Judge):
+    """CVODES: Adams formulas without dampers, BDF with them."""
+
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        return "cvodes"
+
+    @cached_property
+    def _rate(self) -> ca.Function:
+        """F with every rest length and every nodal force as inputs."""
+        dynamics, members = self.dynamics, self.dynamics.members
+        every = replace(
+            members, inputs=np.arange(len(members.stiffness)), pushed=np.arange(len(dynamics.structure.nodes))
+        )
+        potential = replace(dynamics.potential, members=every)
+        return symbolic_model(potential, dynamics.damping, dynamics.drag, dynamics.layout, dynamics.constraints).f
+
+    def march(self, q, v, times, drive: Drive, out_q, out_v) -> None:
+        """Move q and v in place through the times, and record them at each but the first.
+
+        Raises
+        ------
+        SimulationError
+            When CVODES gives up.
+        """
+        solver = self._solver(drive)
+        for k in range(1, times.size):
+            self._advance(solver, q, v, times[k - 1], times[k])
+            out_q[k], out_v[k] = q, v
+
+    def _solver(self, drive: Drive) -> ca.Function:
+        dynamics = self.dynamics
+        t, span = ca.MX.sym("t"), ca.MX.sym("span", 2)
+        x = ca.MX.sym("x", self._rate.size1_in("x"))
+        rest, force = inputs_at(drive, span[0] + t * span[1])
+        nodal = ca.vertcat(*(ca.vertsplit(force, 3)[k] for k in dynamics.layout.place))
+        rate = self._rate(
+            x, ca.DM(dynamics.members.rest_lengths) - rest, nodal - ca.DM(dynamics.members.forces.ravel())
+        )
+        method = "bdf" if dynamics.damped else "adams"
+        options = self.options | {"linear_multistep_method": method, "nonlinear_solver_iteration": "newton"}
+        return ca.integrator("cvodes", "cvodes", {"x": x, "t": t, "p": span, "ode": span[1] * rate}, 0.0, 1.0, options)
+
+    def _advance(self, solver: ca.Function, q: np.ndarray, v: np.ndarray, t0: float, t1: float) -> None:
+        kept = self.dynamics.state_mask
+        x = np.concatenate([q[kept], v[kept]])
+        found = np.asarray(self.run(solver, x0=x, p=[t0, t1 - t0])["xf"]).ravel()
+        q[kept], v[kept] = found[: found.size // 2], found[found.size // 2 :]
+        self.settled(q, v)

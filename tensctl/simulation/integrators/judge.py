@@ -1,0 +1,105 @@
+"""What the independent judges share: inputs as CasADi expressions of time, and one solver for all intervals.
+
+    x'(s) = h f(x, t0 + s h),   s in [0, 1]:   t0 and h are parameters, so the solver is made once for a drive
+
+Judges are for control-size structures and for checking, not for speed: their right-hand side grows with every tendon,
+and slack-taut switches are left to their step-size control.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from tensctl.errors import SimulationError
+from tensctl.model import Dynamics
+from tensctl.model.joint_kernel import close
+from tensctl.model.kernel import tidy
+from tensctl.simulation.drive import Drive
+from tensctl.simulation.integrators.base import Stepwise
+
+# Error allowed in a step over tol, as for the adaptive explicit method; below 1e-13 of a state the solvers give up.
+_STRICT, _LEAST = 0.01, 1e-13
+# Tendons beyond which a model of CasADi expressions takes minutes to make.
+MOST = 400
+
+
+@dataclass(eq=False)
+class Judge(Stepwise):
+    """An integrator of SUNDIALS on one statement of the motion.
+
+    Attributes
+    ----------
+    dynamics : Dynamics
+    tol : float
+    """
+
+    dynamics: Dynamics
+    tol: float
+    evaluations: int = 0
+    switches: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what is too large.
+
+        Raises
+        ------
+        SimulationError
+            More than 400 tendons.
+        """
+        count = len(self.dynamics.structure.tendons)
+        if count > MOST:
+            raise SimulationError(
+                f"{self.name} is for up to {MOST} tendons, not {count}; use auto, or a compiled method."
+            )
+
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        raise NotImplementedError
+
+    @property
+    def options(self) -> dict[str, float | int]:
+        """Tolerances of the solver."""
+        size = float(np.ptp(self.dynamics.structure.nodes, axis=0).max())
+        share = max(_STRICT * self.tol, _LEAST)
+        return {"reltol": share, "abstol": share * min(size, 1.0), "max_num_steps": 10_000_000}
+
+    def settled(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Put rods to their lengths and joints together."""
+        data = self.dynamics.kernel
+        tidy(data, q, v)
+        if self.dynamics.tied:
+            close(data, q, v, np.zeros(data.place[-1]), np.zeros(data.first.size))
+
+    def run(self, solver: ca.Function, **arguments: Any) -> dict[str, Any]:
+        """Call the solver; count what it did.
+
+        Raises
+        ------
+        SimulationError
+            When it gives up.
+        """
+        try:
+            answer = solver(**arguments)
+        except RuntimeError as error:
+            raise SimulationError(f"{self.name} gave up: {str(error).splitlines()[-1]}; use a larger tol.") from None
+        self.evaluations += int(solver.stats().get("nfevals", 0))
+        return answer
+
+
+def inputs_at(drive: Drive, t: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Rest lengths (nt,) and nodal forces (3K,) at time t."""
+    s = t - drive.start
+    rest = ca.DM(drive.rest) + s * ca.DM(drive.rate) + (1 - ca.exp(-s / drive.tau)) * ca.DM(drive.lag)
+    force = ca.DM(drive.force.ravel()) + s * ca.DM(drive.force_rate.ravel())
+    for node, amplitude, omega, phase in zip(
+        drive.wave_node, drive.wave_force, drive.wave_omega, drive.wave_phase, strict=True
+    ):
+        unit = np.zeros((drive.force.size, 1))
+        unit[3 * node : 3 * node + 3, 0] = amplitude
+        force = force + ca.sin(omega * t + phase) * ca.DM(unit)
+    return rest, force
