@@ -133,7 +133,8 @@ def _rates(data, y, rest, external):
 
 def _compiled_side(motion: Motion) -> Callable[[float, np.ndarray], np.ndarray]:
     kernel, members = motion.dynamics.kernel, motion.dynamics.members
-    return lambda t, y: _rates(kernel, y, members.rest_lengths, members.forces)
+    # SciPy's difference quotients hand over columns of a matrix, which are not contiguous.
+    return lambda t, y: _rates(kernel, np.ascontiguousarray(y), members.rest_lengths, members.forces)
 
 
 def _cvodes(motion: Motion) -> Iterator[tuple[str, Iterator[Setting]]]:

@@ -31,6 +31,7 @@ import page  # noqa: E402
 from contenders import Setting, settings  # noqa: E402
 from motions import MOTIONS, Motion, distance  # noqa: E402
 
+from tensctl.errors import SimulationError  # noqa: E402
 from tensctl.threads import one_blas_thread  # noqa: E402
 
 # A contender stops once a single call takes this long, s.
@@ -96,7 +97,7 @@ def _point(motion: Motion, setting: Setting) -> Point:
         began = time.process_time()
         try:
             nodes = setting.run()
-        except Exception as fault:  # a contender that fails is a result, whatever it raises
+        except (SimulationError, RuntimeError) as fault:  # CVODES through CasADi gives up with a RuntimeError
             print(f"  {setting.name}: {str(fault).splitlines()[0][:100]}")
             return Point(motion.name, setting.family, setting.name, setting.setting, np.inf, np.nan)
         seconds = time.process_time() - began
