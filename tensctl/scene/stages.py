@@ -113,7 +113,7 @@ class SimulationStage(Section):
 
     t_end: Annotated[float, Number("s", above=0)]
     controller: Literal["none", "lqr", "mpc"] = "none"
-    method: Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5", "cvodes", "idas"] = "auto"
+    method: Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5", "rosenbrock", "cvodes", "idas"] = "auto"
     tol: Tolerance = 1e-10
     start: Literal["auto", "nodes", "equilibrium"] = "auto"
     velocity: Annotated[tuple[float, float, float] | None, Vector("m/s")] = None

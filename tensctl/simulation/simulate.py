@@ -70,7 +70,7 @@ def simulate(
         Forces on nodes over time.
     schedule : sequence of Schedule
         Rest-length changes planned ahead, for runs without a controller.
-    method : "auto", "splitting2", "splitting4", "splitting6", "dopri5", "cvodes", "idas"
+    method : "auto", "splitting2", "splitting4", "splitting6", "dopri5", "rosenbrock", "cvodes", "idas"
         "auto" takes what fits the scene's damping and size; `Run.why` says why.
     tol : float
         Accuracy wanted, over the size of the structure and a second: sets the step of the splittings, and a

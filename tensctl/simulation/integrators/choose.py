@@ -10,7 +10,7 @@ from tensctl.model import Dynamics
 from tensctl.simulation.integrators.base import Integrator
 from tensctl.simulation.integrators.tables import Order
 
-Method = Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5", "cvodes", "idas"]
+Method = Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5", "rosenbrock", "cvodes", "idas"]
 
 _ORDERS: dict[str, Order] = {"splitting2": 2, "splitting4": 4, "splitting6": 6}
 # Above this tolerance a step of order 4 is as long as one of order 6, for half the forces.
@@ -54,6 +54,8 @@ def _adaptive(dynamics: Dynamics, method: Method, tol: float, rate: float) -> In
         from tensctl.simulation.integrators.idas import Idas
 
         return Idas(dynamics, tol)
+    if method == "rosenbrock":
+        return _rosenbrock(dynamics, tol, rate)
     from tensctl.simulation.integrators.dormand_prince import DormandPrince
 
     return DormandPrince(dynamics, tol, rate)
@@ -80,3 +82,13 @@ def _splitting(dynamics: Dynamics, order: Order, tol: float, rate: float) -> Int
         raise SimulationError(f"splitting{order} moves rods that share no node and no guide; use dopri5.")
     locate = len(dynamics.structure.tendons) <= _MANY or tol < _MODEST
     return Splitting.fitted(dynamics, order, tol, rate, locate=locate)
+
+
+def _rosenbrock(dynamics: Dynamics, tol: float, rate: float) -> Integrator:
+    from tensctl.simulation.integrators.rosenbrock import Rosenbrock
+
+    if dynamics.tied or dynamics.structure.has_cables:
+        raise SimulationError(
+            "rosenbrock moves rods that share no node, have no guide and no cable between them; use dopri5."
+        )
+    return Rosenbrock(dynamics, tol, rate)
