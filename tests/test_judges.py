@@ -13,7 +13,6 @@ SCENES = {
     "EA, dampers and drag": shell_scene(
         pins=["P1_*_1"], tendons={"EA": 100.0, "damping": 2.0}, drag={"coefficient": 0.3}
     ),
-    "stiff tendons": shell_scene(pins=["P1_*_1"], tendons={"stiffness": 1e4, "damping": 20.0}),
     "class 2": shell_scene(3, 2, cls=2, pins=["P1_*_1"]),
     "guides": shell_scene(pins={"P1_1_1": "z", "P1_2_1": "xy"}),
 }

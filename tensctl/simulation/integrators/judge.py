@@ -23,6 +23,8 @@ from tensctl.simulation.integrators.base import Stepwise
 
 # Error allowed in a step over tol, as for the adaptive explicit method; below 1e-13 of a state the solvers give up.
 _STRICT, _LEAST = 0.01, 1e-13
+# Steps between two recorded times: where dampers go slack and taut, IDAS can crawl for minutes; then it gives up instead.
+_MOST_STEPS = 300_000
 # Tendons beyond which a model of CasADi expressions takes minutes to make.
 MOST = 400
 
@@ -66,7 +68,7 @@ class Judge(Stepwise):
         """Tolerances of the solver."""
         size = float(np.ptp(self.dynamics.structure.nodes, axis=0).max())
         share = max(_STRICT * self.tol, _LEAST)
-        return {"reltol": share, "abstol": share * min(size, 1.0), "max_num_steps": 10_000_000}
+        return {"reltol": share, "abstol": share * min(size, 1.0), "max_num_steps": _MOST_STEPS}
 
     def settled(self, q: np.ndarray, v: np.ndarray) -> None:
         """Put rods to their lengths and joints together."""
