@@ -89,15 +89,18 @@ def accuracy(scene: SceneFile, /, *, out: Out | None = None) -> None:
     Parameters
     ----------
     out
-        File for the table; it is printed in any case.
+        Folder for accuracy.json and accuracy.svg; the table is printed in any case.
     """
     asked = _load(scene)
     from tensctl.accuracy import work_precision
 
-    table = str(work_precision(asked).table())
-    print(table)
+    measured = work_precision(asked)
+    print(measured.table())
     if out is not None:
-        out.write_text(table + "\n", encoding="utf-8")
+        from tensctl.report.plot_accuracy import write_accuracy
+
+        write_accuracy(measured, out)
+        print(f"written: {out}")
 
 
 @app.command

@@ -45,6 +45,13 @@ def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Choice:
     return Choice(_adaptive(dynamics, method, tol, rate), why)
 
 
+def applicable(dynamics: Dynamics) -> tuple[Method, ...]:
+    """The methods that can move a scene: splittings only without dampers, drag, joints and guides."""
+    if dynamics.damped or dynamics.tied:
+        return "dopri5", "cvodes", "idas"
+    return "splitting6", "splitting4", "splitting2", "dopri5", "cvodes", "idas"
+
+
 def _adaptive(dynamics: Dynamics, method: Method, tol: float, rate: float) -> Integrator:
     if method == "cvodes":
         from tensctl.simulation.integrators.cvodes import Cvodes
