@@ -218,3 +218,15 @@ class TestMotion:
         dynamics = tc.build_dynamics(tc.Scene(structure=recipe))
         with pytest.raises(SimulationError, match="use dopri5"):
             tc.simulate(dynamics, dynamics.structure.nodes, t_end=0.1, method="rosenbrock")
+
+
+def test_auto_takes_rosenbrock_steps_where_dampers_are_stiff():
+    """A hundred times the damping, and the reason names the ratio of both bounds."""
+    for damping, method in ((20.0, "dopri5"), (2000.0, "rosenbrock")):
+        dynamics = tc.build_dynamics(
+            tc.Scene(structure=tc.shell(3, 1, pins=["P1_*_1"]), tendons={"damping": damping, "stiffness": 100.0})
+        )
+        run = tc.simulate(dynamics, dynamics.structure.nodes, t_end=0.05, tol=1e-6)
+        assert run.method == method
+    assert dynamics.fastest_decay / dynamics.fastest_rate == pytest.approx(20 * dynamics.fastest_rate, rel=0.05)
+    assert "stiff" in run.why

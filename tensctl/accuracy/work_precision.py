@@ -9,6 +9,7 @@ tightening its tolerance when the next run would not fit into its share of the t
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -33,7 +34,7 @@ _RECORDS = 51
 # Further runs of one setting, to time it warm, are made only when a run takes less than this, s.
 _REPEATS, _QUICK = 3, 1.0
 # All attempts together, s; each method has an equal share.
-_BUDGET = 120.0
+_BUDGET = 30.0
 # The time is halved at most so often, until the reference is good to this part of the structure's size.
 _HALVINGS, _TRUSTED = 4, 1e-6
 
@@ -203,6 +204,7 @@ class _Motion:
 
     def attempts(self, method: Method, reference: Run, share: float) -> list[Attempt]:
         """One method from loose to tight tolerances, until its share of the budget, s, is spent."""
+        self._warm(method)
         done, began, last = [], time.perf_counter(), 0.0
         for tol in _TOLERANCES:
             if time.perf_counter() - began + last > share:
@@ -211,6 +213,11 @@ class _Motion:
             done.append(self._attempt(method, tol, reference))
             last = 0.0 if done[-1].failure else done[-1].seconds
         return done
+
+    def _warm(self, method: Method) -> None:
+        """Let kernels compile, or load, before any time is measured."""
+        with suppress(TensctlError):
+            replace(self, t_end=1e-6 * self.t_end).run(method, _TOLERANCES[0])
 
     def _attempt(self, method: Method, tol: float, reference: Run) -> Attempt:
         try:

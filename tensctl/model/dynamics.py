@@ -153,6 +153,13 @@ class Dynamics:
 
         return fastest_rate(self.potential)
 
+    @cached_property
+    def fastest_decay(self) -> float:
+        """A bound on the rate at which dampers and drag stop a motion, 1/s."""
+        from tensctl.model.rate import fastest_decay
+
+        return fastest_decay(self.potential, self.damping, self.drag)
+
     def varied(self, *, damping: Float[np.ndarray, " tendons"] | None = None, **members: np.ndarray) -> Dynamics:
         """The same structure with other numbers; what does not depend on them is shared, not made again.
 
