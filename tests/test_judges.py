@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support import MIXED_PINS, shell_scene
+from support import MIXED_PINS, random_motion, replaced, shell_scene
 
 import tensctl as tc
 from tensctl.simulation import momenta
@@ -29,6 +29,30 @@ def test_judges_agree(scene, judge):
     assert np.abs(ours.nodes - theirs.nodes).max() < 1e-7
     assert np.abs(ours.nodes[-1] - ours.nodes[0]).max() > 0.01
     assert theirs.rod_drift < 1e-14
+
+
+@pytest.mark.parametrize("judge", ["cvodes", "idas"])
+def test_damped_switching_with_a_push(judge):
+    """Forces jump where damped tendons become taut: judges pass over that in hundreds of steps, not millions."""
+    dynamics = tc.build_dynamics(shell_scene(tendons={"damping": 2.0}))
+    given = {"timepts": [0.0, 0.15, 0.3], "pushes": [tc.Push("P4_1_1", [5.0, 0.0, 0.0], 0.1, 0.2)]}
+    ours = tc.simulate(dynamics, dynamics.structure.nodes, tol=1e-11, **given)
+    theirs = tc.simulate(dynamics, dynamics.structure.nodes, tol=1e-8, method=judge, **given)
+    assert (ours.lengths <= ours.rest_lengths).any() or (ours.tensions == 0).any()
+    assert np.abs(ours.nodes - theirs.nodes).max() < 1e-7
+
+
+@pytest.mark.parametrize("judge", ["cvodes", "idas"])
+@pytest.mark.parametrize("clamped", [True, False])
+def test_dampers_that_may_push(judge, clamped):
+    """Tendons that shorten fast: unclamped their dampers push with hundreds of newtons, in every method alike."""
+    dynamics = replaced(tc.build_dynamics(shell_scene(tendons={"damping": 20.0})), clamped=clamped)
+    start = random_motion(dynamics.potential, np.random.default_rng(2), reach=0.0, speed=5.0)
+    ours, theirs = (
+        tc.simulate(dynamics, start, timepts=[0.0, 0.02], tol=1e-9, method=method) for method in ("dopri5", judge)
+    )
+    assert bool(ours.tensions.min() < -100) is not clamped
+    assert np.abs(ours.nodes - theirs.nodes).max() < 1e-8
 
 
 @pytest.mark.parametrize("judge", ["cvodes", "idas"])

@@ -68,10 +68,10 @@ def tendon_statics(law: Law) -> ca.Function:
 
 
 @cache
-def tendon_tension(law: Law, *, damped: bool) -> ca.Function:
+def tendon_tension(law: Law, *, damped: bool, clamped: bool = True) -> ca.Function:
     """Tension T(d, v, L, k, c), N, of a tendon whose ends separate at velocity v.
 
-    Without `damped` the inputs v and c are left out.
+    Without `damped` the inputs v and c are left out; without `clamped` a taut damper may push, as some codes have it.
     """
     d, L, k = _symbols()
     length = _length(d)
@@ -80,5 +80,6 @@ def tendon_tension(law: Law, *, damped: bool) -> ca.Function:
         T = ca.if_else(length > L, tension, 0.0)
         return ca.Function(f"tendon_tension_{law}", [d, L, k], [T], ["d", "L", "k"], ["T"])
     v, c = ca.SX.sym("v", 3), ca.SX.sym("c")
-    T = ca.if_else(length > L, ca.fmax(0.0, tension + c * ca.dot(d, v) / length), 0.0)
+    tension = tension + c * ca.dot(d, v) / length
+    T = ca.if_else(length > L, ca.fmax(0.0, tension) if clamped else tension, 0.0)
     return ca.Function(f"tendon_tension_{law}_damped", [d, v, L, k, c], [T], ["d", "v", "L", "k", "c"], ["T"])

@@ -80,7 +80,9 @@ class Dynamics:
     @cached_property
     def symbolic(self) -> SymbolicModel:
         """The CasADi functions f, y_p, y_l, y_f."""
-        return symbolic_model(self.potential, self.damping, self.drag, self.layout, self.constraints)
+        return symbolic_model(
+            self.potential, self.damping, self.drag, self.layout, self.constraints, clamped=self.clamped
+        )
 
     @property
     def f(self) -> ca.Function:

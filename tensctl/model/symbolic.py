@@ -89,7 +89,13 @@ def coordinate_count(potential: Potential) -> int:
 
 
 def symbolic_model(
-    potential: Potential, damping: np.ndarray, drag: float, layout: Layout, constraints: Constraints
+    potential: Potential,
+    damping: np.ndarray,
+    drag: float,
+    layout: Layout,
+    constraints: Constraints,
+    *,
+    clamped: bool = True,
 ) -> SymbolicModel:
     """Assemble the model.
 
@@ -99,6 +105,8 @@ def symbolic_model(
     drag : float, N s/m on each rod end
     layout, constraints
         Where rods share nodes, each has two ends of its own, tied together by multipliers.
+    clamped : bool
+        Whether a damped tendon is held at T >= 0.
     """
     members, dimension = potential.members, potential.structure.dimension
     size = coordinate_count(potential)
@@ -113,7 +121,7 @@ def symbolic_model(
     nodes = _ends(potential, layout, symbols.q, anchors)
     velocities = _ends(potential, layout, symbols.v, [ca.SX.zeros(3)] * len(nodes))
     paths = [layout.place[list(path)] for path in potential.structure.paths]
-    tensions, forces = _forces(potential, layout, paths, symbols, nodes, velocities, damping, drag)
+    tensions, forces = _forces(potential, layout, paths, symbols, nodes, velocities, damping, drag, clamped)
     acceleration = symbols.own(ca.vertcat(*_accelerations(potential, layout, symbols, forces)))
     lengths = [sum(ca.norm_2(nodes[b] - nodes[a]) for a, b in pairwise(path)) for path in paths]
     x, names = symbols.x, (["x", "u", "w"], ["dx"])
@@ -170,7 +178,7 @@ def _ends(potential: Potential, layout: Layout, q: ca.SX, anchors: list) -> list
     return nodes
 
 
-def _forces(potential, layout, paths, symbols, nodes, velocities, damping, drag) -> tuple[list, list]:
+def _forces(potential, layout, paths, symbols, nodes, velocities, damping, drag, clamped) -> tuple[list, list]:
     members = potential.members
     forces = [ca.SX(ca.DM(f)) for f in layout.spread(members.forces)]
     for k, node in enumerate(layout.place[members.pushed]):
@@ -184,7 +192,8 @@ def _forces(potential, layout, paths, symbols, nodes, velocities, damping, drag)
         d, rest = _straight(pieces), members.rest_lengths[t] - shortening.get(t, 0.0)
         if damping[t] > 0:
             rate = _stretching(pieces, [velocities[b] - velocities[a] for a, b in pairwise(path)])
-            T = tendon_tension(members.law, damped=True)(d, rate, rest, members.stiffness[t], damping[t])
+            law = tendon_tension(members.law, damped=True, clamped=clamped)
+            T = law(d, rate, rest, members.stiffness[t], damping[t])
         else:
             T = tendon_tension(members.law, damped=False)(d, rest, members.stiffness[t])
         for (a, b), piece in zip(pairwise(path), pieces, strict=True):

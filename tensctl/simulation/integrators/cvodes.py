@@ -34,7 +34,9 @@ class Cvodes(Judge):
             members, inputs=np.arange(len(members.stiffness)), pushed=np.arange(len(dynamics.structure.nodes))
         )
         potential = replace(dynamics.potential, members=every)
-        return symbolic_model(potential, dynamics.damping, dynamics.drag, dynamics.layout, dynamics.constraints).f
+        return symbolic_model(
+            potential, dynamics.damping, dynamics.drag, dynamics.layout, dynamics.constraints, clamped=dynamics.clamped
+        ).f
 
     def march(self, q, v, times, drive: Drive, out_q, out_v) -> None:
         """Move q and v in place through the times, and record them at each but the first.

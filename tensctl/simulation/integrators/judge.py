@@ -23,8 +23,7 @@ from tensctl.simulation.integrators.base import Stepwise
 
 # Error allowed in a step over tol, as for the adaptive explicit method; below 1e-13 of a state the solvers give up.
 _STRICT, _LEAST = 0.01, 1e-13
-# Steps between two recorded times: where dampers go slack and taut, IDAS can crawl for minutes; then it gives up
-# instead.
+# Steps between two recorded times: a judge that needs more gives up instead of crawling for minutes.
 _MOST_STEPS = 300_000
 # Tendons beyond which a model of CasADi expressions takes minutes to make.
 MOST = 400
