@@ -4,11 +4,14 @@
 written (a read-only container, a system-wide installation used by a service). Here it then tries a temporary
 folder of the user's own, and last no cache at all: every start compiles anew, nothing else changes.
 
-Numba looks for changes in the kernel's own file only. Keep kernels that call each other in one file.
+Numba itself looks for changes in a kernel's own file only, and would go on with machine code that holds an old version
+of a kernel that it calls. Every cache is therefore stamped with all the kernels' sources: a change in one compiles all.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import os
 import stat
 import tempfile
@@ -50,7 +53,23 @@ def part(function: Kernel) -> Kernel:
 
 
 def _compiled(function: Callable[..., Any], *, cache: bool) -> Any:
-    return numba.njit(cache=cache, fastmath=False, error_model="numpy", nogil=True)(function)
+    kernel: Any = numba.njit(cache=cache, fastmath=False, error_model="numpy", nogil=True)(function)
+    kept: Any = getattr(kernel, "_cache", None)  # NUMBA_DISABLE_JIT leaves the plain function, which has none
+    if cache and kept is not None:
+        index = kept._cache_file
+        index._source_stamp = (index._source_stamp, sources_stamp())
+    return kernel
+
+
+@functools.cache
+def sources_stamp() -> str:
+    """Digest of every module of the package that has kernels."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        text = path.read_bytes()
+        if b"tensctl.jit import" in text:
+            digest.update(text)
+    return digest.hexdigest()
 
 
 @contextmanager

@@ -104,3 +104,27 @@ def test_a_member_that_fails_stops_no_other(shell):
 def test_refusals(shell, given, sentence):
     with pytest.raises(tc.SimulationError, match=sentence):
         tc.simulate_many(shell, tc.Variations(**given), timepts=TIMES)
+
+
+@pytest.mark.parametrize("sections", [{"gravity": {"g": 9.8}, "loads": {"P4_*": [1.0, 0, 0]}}, {"cls": 2}], ids=str)
+def test_other_masses(sections):
+    """Weight follows the mass, loads do not; coordinates of jointed rods are square in the new mass metric."""
+    nominal = tc.build_dynamics(shell_scene(3, 2, pins=["P1_*_1"], **sections))
+    mass = nominal.members.mass * np.linspace(0.5, 2.0, nominal.members.mass.size)
+    table = dict(zip(nominal.structure.rod_labels, mass.tolist(), strict=True))
+    wanted, varied = (
+        tc.build_dynamics(shell_scene(3, 2, pins=["P1_*_1"], rods={"mass": table}, **sections)),
+        nominal.varied(mass=mass),
+    )
+    assert np.abs(varied.members.forces - wanted.members.forces).max() < 1e-14 * 100
+    ours, theirs = (d.potential.at(d.structure.nodes) for d in (varied, wanted))
+    eigenvalues = [
+        np.linalg.eigvalsh((p.hessian.toarray() / m).T / m)
+        for p, m in (
+            (ours, np.sqrt(varied.potential.manifold.mass(mass))),
+            (theirs, np.sqrt(wanted.potential.manifold.mass(mass))),
+        )
+    ]
+    assert eigenvalues[0] == pytest.approx(eigenvalues[1], rel=1e-9, abs=1e-9 * np.abs(eigenvalues[1]).max())
+    runs = [tc.simulate(d, d.structure.nodes, timepts=TIMES) for d in (varied, wanted)]
+    assert np.abs(runs[0].nodes - runs[1].nodes).max() < 1e-8

@@ -90,3 +90,37 @@ def test_a_cache_that_others_can_write_is_not_trusted(kernels, tmp_path):
     own.chmod(0o777)
     *_, cache, _ = run(kernels, tmp_path / "tmp", **nowhere(tmp_path))
     assert cache == "None"
+
+
+HITS = """
+import sys
+import tensctl.jit
+if len(sys.argv) > 2:
+    tensctl.jit.sources_stamp = lambda: sys.argv[2]
+sys.path.insert(0, sys.argv[1])
+from kernels import quotient
+quotient(1.0, 4.0)
+print(sum(quotient.stats.cache_hits.values()))
+"""
+
+
+def test_a_change_of_any_kernel_makes_every_cache_stale(kernels):
+    """Numba alone would keep machine code that holds an old version of a kernel in another file."""
+
+    def hits(*stamp):
+        command = [sys.executable, "-c", HITS, str(kernels), *stamp]
+        return int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+    assert [hits(), hits(), hits("changed"), hits("changed"), hits()] == [0, 1, 0, 1, 0]
+
+
+def test_kernels_run_as_plain_python_for_a_debugger(kernels):
+    look = "import sys; sys.path.insert(0, sys.argv[1]); from kernels import quotient; print(type(quotient).__name__)"
+    done = subprocess.run(
+        [sys.executable, "-c", look, str(kernels)],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == "function"

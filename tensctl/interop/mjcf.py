@@ -25,7 +25,7 @@ from tensctl.elements import Hold
 from tensctl.errors import OutputError, StructureError
 from tensctl.model import Dynamics, build_dynamics
 from tensctl.statics import find_equilibrium
-from tensctl.structure import Structure, refuse_partial
+from tensctl.structure import Structure, nodal_weight, refuse_partial
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene
@@ -179,9 +179,7 @@ def _add_tendons(root: Xml.Element, dynamics: Dynamics) -> None:
 def _add_forces(root: Xml.Element, world: Xml.Element, dynamics: Dynamics) -> None:
     """Force `load - c v + control` along each axis on the nodes that have one of them."""
     structure, members = dynamics.structure, dynamics.members
-    weight = np.zeros_like(structure.nodes)
-    np.add.at(weight, structure.rods, 0.5 * members.mass[:, None, None] * members.gravity)
-    loads = members.forces - weight
+    loads = members.forces - nodal_weight(structure, members.mass, members.gravity)
     pushed = np.isin(np.arange(len(loads)), members.pushed)
     nodes = np.flatnonzero((loads.any(axis=1) | pushed | (dynamics.drag > 0)) & ~structure.pinned)
     if not nodes.size:

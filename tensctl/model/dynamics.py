@@ -10,13 +10,13 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Bool, Float
 
-from tensctl.elements import Potential
+from tensctl.elements import JointedManifold, Potential, RodManifold
 from tensctl.model.constraints import Constraints
 from tensctl.model.damping import resolve_damping
 from tensctl.model.explain import Term, as_table, explain
 from tensctl.model.layout import Layout
 from tensctl.model.symbolic import SymbolicModel, coordinate_count, symbolic_model
-from tensctl.structure import Members, Structure
+from tensctl.structure import Members, Structure, nodal_weight
 
 if TYPE_CHECKING:
     from tensctl.model.kernel import KernelData
@@ -169,12 +169,16 @@ class Dynamics:
         ----------
         damping : (nt,) N s/m
         **members
-            `stiffness`, `rest_lengths`, `mass` or `forces`, as `Members` has them.
+            `stiffness`, `rest_lengths`, `mass` or `forces`, as `Members` has them; weight follows the mass where
+            no forces are given.
         """
+        if "mass" in members and "forces" not in members and self.members.gravity.any():
+            heavier = members["mass"] - self.members.mass
+            members["forces"] = self.members.forces + nodal_weight(self.structure, heavier, self.members.gravity)
         changed = replace(self.members, **members)
         other = replace(
             self,
-            potential=replace(self.potential, members=changed),
+            potential=replace(self.potential, members=changed, manifold=self._weighed(changed.mass)),
             damping=self.damping if damping is None else damping,
         )
         kernel = self.kernel._replace(stiffness=changed.stiffness, mass=changed.mass, damping=other.damping)
@@ -185,6 +189,13 @@ class Dynamics:
             shared["fastest_rate"] = self.fastest_rate * np.sqrt(stiffer / lighter)
         other.__dict__.update(shared)
         return other
+
+    def _weighed(self, mass: Float[np.ndarray, " rods"]) -> RodManifold | JointedManifold:
+        """The manifold for other rod masses: coordinates of jointed rods are square in the mass metric."""
+        manifold = self.potential.manifold
+        if isinstance(manifold, RodManifold):
+            return manifold
+        return replace(manifold, weights=mass.mean() / manifold.ends.mass(mass))
 
     def rod_coordinates(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "rods 6"]:
         """(q1, q2) of every rod from node positions, or their rates from node velocities."""

@@ -74,6 +74,18 @@ def springs(data, rest, on, spring):
 
 
 @part
+def tug(force, a, b, x, y, z):
+    """Add a force to the node at place a and take it from the one at b."""
+    one, two = np.uint64(1), np.uint64(2)
+    force[a] += x
+    force[a + one] += y
+    force[a + two] += z
+    force[b] -= x
+    force[b + one] -= y
+    force[b + two] -= z
+
+
+@part
 def elastic_forces(data, place, rest, spring, least, load, force, gap):
     """External and spring forces on each node; gap = length - rest length, of which at least `least` counts.
 
@@ -89,13 +101,7 @@ def elastic_forces(data, place, rest, spring, least, load, force, gap):
         length = np.sqrt(x * x + y * y + z * z + _NOTHING)
         gap[t] = length - rest[t]
         pull = spring[t] * max(gap[t], least) / length
-        x, y, z = pull * x, pull * y, pull * z
-        force[a] += x
-        force[a + one] += y
-        force[a + two] += z
-        force[b] -= x
-        force[b + one] -= y
-        force[b + two] -= z
+        tug(force, a, b, pull * x, pull * y, pull * z)
 
 
 @jit
@@ -105,13 +111,7 @@ def haul(data, s, pull, place, force):
     a, b = data.tail_at[s], data.head_at[s]
     x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
     pull /= np.sqrt(x * x + y * y + z * z + _NOTHING)
-    x, y, z = pull * x, pull * y, pull * z
-    force[a] += x
-    force[a + one] += y
-    force[a + two] += z
-    force[b] -= x
-    force[b + one] -= y
-    force[b + two] -= z
+    tug(force, a, b, pull * x, pull * y, pull * z)
 
 
 @jit
@@ -207,13 +207,7 @@ def damped_forces(data, place, speed, rest, load, force):
             if data.clamped:
                 pull = max(0.0, pull)
             pull /= length
-            x, y, z = pull * x, pull * y, pull * z
-            force[a] += x
-            force[a + one] += y
-            force[a + two] += z
-            force[b] -= x
-            force[b + one] -= y
-            force[b + two] -= z
+            tug(force, a, b, pull * x, pull * y, pull * z)
 
 
 @part

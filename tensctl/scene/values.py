@@ -89,18 +89,19 @@ class Number(Value):
 
 
 @dataclass(frozen=True)
-class Vector(Value):
-    """A few finite numbers, three unless said."""
+class Numbers(Value):
+    """A list of finite numbers, as many as `size` says, at least one without."""
 
     unit: str = ""
-    size: int = 3
+    size: int | None = None
 
     @property
     def words(self) -> str:
-        return f"a list of {self.size} finite numbers" + (f" ({self.unit})" if self.unit else "")
+        count = "" if self.size is None else f"{self.size} "
+        return f"a list of {count}finite numbers" + (f" ({self.unit})" if self.unit else "")
 
     def fits(self, value: Any) -> bool:
-        return isinstance(value, list | tuple) and len(value) == self.size
+        return isinstance(value, list | tuple) and (len(value) > 0 if self.size is None else len(value) == self.size)
 
     def contents(self, value: Any) -> tuple[float, ...]:
         try:
@@ -110,23 +111,10 @@ class Vector(Value):
 
 
 @dataclass(frozen=True)
-class Numbers(Value):
-    """A list of finite numbers, at least one."""
+class Vector(Numbers):
+    """Three finite numbers, unless another size is said."""
 
-    unit: str = ""
-
-    @property
-    def words(self) -> str:
-        return "a list of finite numbers" + (f" ({self.unit})" if self.unit else "")
-
-    def fits(self, value: Any) -> bool:
-        return isinstance(value, list | tuple) and len(value) > 0
-
-    def contents(self, value: Any) -> tuple[float, ...]:
-        try:
-            return tuple(Number().read(x) for x in value)
-        except PydanticCustomError:
-            raise self.complaint(value) from None
+    size: int | None = 3
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.scene import PushRequest, WaveRequest
+from tensctl.simulation.times import ascends
 from tensctl.structure import matches
 
 
@@ -115,7 +116,7 @@ class History:
             Times that do not ascend, or a table of another shape.
         """
         times, forces = np.asarray(self.times, float), np.asarray(self.forces, float)
-        if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any() or times.size == 0:
+        if not ascends(times):
             raise SimulationError(f"the times of a load on {self.node} must be finite and ascending, in s.")
         if forces.shape != (times.size, 3) or not np.isfinite(forces).all():
             raise SimulationError(

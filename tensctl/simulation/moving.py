@@ -99,11 +99,9 @@ class Moving:
     def finished(self, controller: Controller | None) -> Run:
         """The run, as far as it is still remembered."""
         integrator, records = self._choice.integrator, _records(controller)[self._told :]
-        motion = self._record.motion(self._dynamics)
         return Run(
-            structure=self._dynamics.structure, time=motion.time, nodes=motion.nodes, velocities=motion.velocities,
-            lengths=motion.lengths, tensions=motion.tensions, rest_lengths=motion.rest_lengths,
-            inputs=motion.inputs, input_labels=self._dynamics.input_labels, status=motion.status,
+            **self._record.motion(self._dynamics),
+            structure=self._dynamics.structure, input_labels=self._dynamics.input_labels,
             sample_time=np.array([r.time for r in records]),
             solve_time=np.array([r.solve_time for r in records]), kkt=np.array([r.kkt for r in records]),
             relaxed=np.array([r.relaxed for r in records]), method=integrator.name, why=self._choice.why,

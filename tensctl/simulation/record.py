@@ -2,36 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float
 
 from tensctl.model import Dynamics
 from tensctl.structure import Structure
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """Recorded motion with everything that follows from it.
-
-    Attributes
-    ----------
-    time : (t,) s
-    nodes, velocities : (t, N, 3) m, m/s
-    lengths, tensions, rest_lengths : (t, nt) m, N, m
-    inputs : (t, nu) m
-    status : (t,) str
-    """
-
-    time: Float[np.ndarray, " t"]
-    nodes: Float[np.ndarray, "t nodes 3"]
-    velocities: Float[np.ndarray, "t nodes 3"]
-    lengths: Float[np.ndarray, "t tendons"]
-    tensions: Float[np.ndarray, "t tendons"]
-    rest_lengths: Float[np.ndarray, "t tendons"]
-    inputs: Float[np.ndarray, "t inputs"]
-    status: np.ndarray
 
 
 class Record:
@@ -67,17 +42,22 @@ class Record:
         """Say what a controller said at time t, when that is kept."""
         self._status[self.here == t] = status
 
-    def motion(self, dynamics: Dynamics) -> Motion:
-        """Nodes, lengths and tensions of all rows."""
+    def motion(self, dynamics: Dynamics) -> dict[str, np.ndarray]:
+        """What a `Run` holds of all rows: times, nodes, velocities, lengths, tensions, rest lengths, inputs, status."""
         structure, members = dynamics.structure, dynamics.members
         nodes = placed(structure, self._q, structure.nodes)
         velocities = placed(structure, self._v, np.zeros_like(structure.nodes))
         length = structure.lengths_at(nodes)
-        return Motion(
-            self.here, nodes, velocities, length,
-            tensions_at(dynamics, nodes, velocities, length, self._rest), self._rest,
-            (members.rest_lengths - self._rest)[:, members.inputs], self._status.astype(str),
-        )  # fmt: skip
+        return {
+            "time": self.here,
+            "nodes": nodes,
+            "velocities": velocities,
+            "lengths": length,
+            "tensions": tensions_at(dynamics, nodes, velocities, length, self._rest),
+            "rest_lengths": self._rest,
+            "inputs": (members.rest_lengths - self._rest)[:, members.inputs],
+            "status": self._status.astype(str),
+        }
 
 
 def placed(structure: Structure, q: Float[np.ndarray, "t rods 6"], base: Float[np.ndarray, "nodes 3"]) -> np.ndarray:

@@ -26,6 +26,7 @@ from tensctl.model import Dynamics
 from tensctl.simulation.joint_forces import forces_at_rod_ends
 from tensctl.simulation.loads import Load, Loads
 from tensctl.simulation.run import Run
+from tensctl.structure import nodal_weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +98,7 @@ def end_forces(
     """
     structure, members = dynamics.structure, dynamics.members
     acting = Loads(dynamics, pushes)
-    weight = np.zeros_like(structure.nodes)
-    np.add.at(weight, structure.rods, 0.5 * members.mass[:, None, None] * members.gravity)
-    loads = np.stack([acting.at(t) for t in run.time]) - weight
+    loads = np.stack([acting.at(t) for t in run.time]) - nodal_weight(structure, members.mass, members.gravity)
     ends = np.bincount(structure.rods.ravel(), minlength=len(structure.nodes))
     forces = loads - (dynamics.drag * ends)[:, None] * run.velocities
     vectors = run.nodes[:, structure.segments[:, 1]] - run.nodes[:, structure.segments[:, 0]]

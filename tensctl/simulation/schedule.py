@@ -13,6 +13,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.simulation.actuators import Actuators
+from tensctl.simulation.times import ascends
 from tensctl.structure import matches
 
 
@@ -42,7 +43,7 @@ class Schedule:
             Times that do not ascend, or another number of changes.
         """
         times, change = np.asarray(self.times, float), np.asarray(self.change, float)
-        if times.ndim != 1 or times.size == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        if not ascends(times):
             raise SimulationError(f"the times of the schedule of {self.tendon} must be finite and ascending, in s.")
         if change.shape != times.shape or not np.isfinite(change).all():
             raise SimulationError(

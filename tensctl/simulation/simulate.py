@@ -27,6 +27,7 @@ from tensctl.simulation.run import Run
 from tensctl.simulation.schedule import Schedule
 from tensctl.simulation.state import state_at
 from tensctl.simulation.store import Store
+from tensctl.simulation.times import ascends
 
 # Control period, s, of a controller that names none: the scene's own default.
 _PERIOD = 0.02
@@ -126,7 +127,7 @@ def _whole(chunk: int) -> int:
 def _times(t_end, timepts, controller, dt) -> np.ndarray:
     if timepts is not None:
         times = np.asarray(timepts, float)
-        if times.ndim != 1 or times.size == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        if not ascends(times):
             raise SimulationError("timepts must be finite times in ascending order, in s.")
         if times[0] < 0:
             raise SimulationError(f"timepts start at {times[0]:g} s; a run starts at 0.")

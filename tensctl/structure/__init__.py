@@ -3,7 +3,7 @@
 from tensctl.structure.build import build_structure
 from tensctl.structure.cables import refuse_cables
 from tensctl.structure.labels import by_label, matches, select
-from tensctl.structure.members import Law, Members, build_members
+from tensctl.structure.members import Law, Members, build_members, nodal_weight
 from tensctl.structure.network import network, planar
 from tensctl.structure.pins import refuse_partial
 from tensctl.structure.prism import prism
@@ -20,6 +20,7 @@ __all__ = [
     "lengths",
     "matches",
     "network",
+    "nodal_weight",
     "planar",
     "prism",
     "refuse_cables",

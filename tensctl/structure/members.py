@@ -190,8 +190,16 @@ def _forces(scene: Scene, structure: Structure, mass: np.ndarray, gravity: np.nd
     for pattern, force in (scene.loads or {}).items():
         at = matches(structure.node_labels, pattern, "loads")
         forces[at] += _in_plane(structure, force, f"loads.{pattern}")
-    np.add.at(forces, structure.rods, 0.5 * mass[:, None, None] * gravity)
-    return forces
+    return forces + nodal_weight(structure, mass, gravity)
+
+
+def nodal_weight(
+    structure: Structure, mass: Float[np.ndarray, " rods"], gravity: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, "nodes 3"]:
+    """Weight of the rods on their nodes, half on each end, N."""
+    weight = np.zeros_like(structure.nodes)
+    np.add.at(weight, structure.rods, 0.5 * mass[:, None, None] * gravity)
+    return weight
 
 
 def _pushed(scene: Scene, structure: Structure) -> np.ndarray:

@@ -44,7 +44,7 @@ class Scratch(NamedTuple):
     on, spring : (nt,) 1 while taut, and the stiffness that goes with it
     rest, rest_rate : (nt,)
     load, load_rate, place, speed, force : (3N,)
-    least : (1,)
+    least : float, m
         Gap that a tendon at least counts: 0 when slack is seen to stage by stage, -inf when springs are frozen.
     """
 
@@ -57,7 +57,7 @@ class Scratch(NamedTuple):
     place: np.ndarray
     speed: np.ndarray
     force: np.ndarray
-    least: np.ndarray
+    least: float
 
 
 def moment(rods: int, tendons: int) -> Moment:
@@ -70,7 +70,7 @@ def scratch(anchor: np.ndarray, rest: np.ndarray, load: np.ndarray, *, frozen: b
     """Room to work in, with rest lengths and loads that do not change already in place."""
     on, spring, rest_rate = (np.zeros_like(rest) for _ in range(3))
     load_rate, speed, force = (np.zeros(anchor.size) for _ in range(3))
-    least = np.array([-np.inf if frozen else 0.0])
+    least = -np.inf if frozen else 0.0
     return Scratch(on, spring, rest.copy(), rest_rate, load.flatten(), load_rate, anchor.flatten(), speed, force, least)
 
 
@@ -93,9 +93,9 @@ def push_at(data, drive, t, now, work):
         springs(data, work.rest, work.on, work.spring)
     place_nodes(data, now.q, work.place)
     if data.cables:
-        cable_forces(data, work.place, work.rest, work.spring, work.least[0], work.load, work.force, now.gap)
+        cable_forces(data, work.place, work.rest, work.spring, work.least, work.load, work.force, now.gap)
     else:
-        elastic_forces(data, work.place, work.rest, work.spring, work.least[0], work.load, work.force, now.gap)
+        elastic_forces(data, work.place, work.rest, work.spring, work.least, work.load, work.force, now.gap)
     pushes(data, now.q, work.force, now.push)
 
 
