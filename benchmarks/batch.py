@@ -3,7 +3,8 @@
     python benchmarks/batch.py [--count 1000]
 
 "One after the other" is what a script without batches does: for every variation a model of its own and a call of
-`simulate`. The ways take turns; times are the least of three. All ways must give the same nodes, bit for bit.
+`simulate`. The ways take turns; times are the least of three. Batches and shared models give the same nodes bit for
+bit; a model of its own has its own bound on frequencies, so its own steps.
 """
 
 from __future__ import annotations

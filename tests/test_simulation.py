@@ -11,10 +11,10 @@ from support import (
     replaced,
     shell_scene,
     solved,
+    steady,
 )
 
 import tensctl as tc
-from tensctl.simulation.drive import steady
 from tensctl.simulation.integrators.splitting import Splitting
 from tensctl.simulation.integrators.tables import TABLES
 

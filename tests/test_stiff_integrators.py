@@ -3,11 +3,20 @@
 import casadi as ca
 import numpy as np
 import pytest
-from support import MIXED_PINS, REFERENCE, order_of, pendulum_scene, random_motion, replaced, shell_scene, solved
+from support import (
+    MIXED_PINS,
+    REFERENCE,
+    order_of,
+    pendulum_scene,
+    random_motion,
+    replaced,
+    shell_scene,
+    solved,
+    steady,
+)
 
 import tensctl as tc
 from tensctl.errors import SimulationError
-from tensctl.simulation.drive import steady
 from tensctl.simulation.integrators.blocks import assemble, expand, linearise, places, reduce, slopes
 from tensctl.simulation.integrators.factor import Envelope, factor, solve
 from tensctl.simulation.integrators.rodas import RODAS5P

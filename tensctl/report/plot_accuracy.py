@@ -33,7 +33,7 @@ def write_accuracy(measured: WorkPrecision, folder: Path) -> None:
 
 def _drawn(measured: WorkPrecision) -> Figure:
     """A line a method; points that the reference cannot tell apart stand on its own error, the dashed line."""
-    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    figure = Figure(figsize=(7.6, 4.2), layout="constrained")
     axes = figure.subplots()
     least = max(measured.reference_error, 1e-16)
     done = [a for a in measured.attempts if not a.failure]
@@ -43,5 +43,5 @@ def _drawn(measured: WorkPrecision) -> Figure:
     axes.axhline(least, color="0.4", linestyle="--", linewidth=1.0, label="error of the reference")
     axes.set(xscale="log", yscale="log", xlabel="Run time, s", ylabel="Largest distance of a node, m")
     axes.set_title(f"Error against run time, {measured.t_end:g} s of motion", loc="left")
-    axes.legend()
+    figure.legend(loc="outside right upper", frameon=False)
     return figure

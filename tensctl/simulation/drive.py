@@ -48,15 +48,6 @@ class Drive(NamedTuple):
     swept: bool
 
 
-def steady(rest: np.ndarray, force: np.ndarray) -> Drive:
-    """Constant rest lengths (nt,) m and nodal forces (N, 3) N."""
-    still, none = np.zeros_like(rest), np.zeros(0)
-    return Drive(
-        0.0, rest, still, still, 1.0, force, np.zeros_like(force),
-        np.zeros(0, np.int64), np.zeros((0, 3)), none, none, False, False,
-    )  # fmt: skip
-
-
 @jit
 def drive_at(drive, t, rest, load):
     """Fill rest (nt,) and the flat load (3N,) with their values at time t."""

@@ -49,19 +49,3 @@ def carried_by(integrator: Integrator) -> list[tuple[str, int | float]]:
     """Numbers among an integrator's fields, with their names."""
     held = [(f.name, getattr(integrator, f.name)) for f in fields(integrator)] if is_dataclass(integrator) else []
     return [(name, value) for name, value in held if isinstance(value, int | float)]
-
-
-class Stepwise:
-    """Records by stopping at every time: for methods that have no states between their steps."""
-
-    def advance(self, q: np.ndarray, v: np.ndarray, t0: float, t1: float, drive: Drive) -> None:
-        """Move q and v in place from t0 to t1."""
-        raise NotImplementedError
-
-    def march(
-        self, q: np.ndarray, v: np.ndarray, times: np.ndarray, drive: Drive, out_q: np.ndarray, out_v: np.ndarray
-    ) -> None:
-        """Stop at each time."""
-        for k in range(1, times.size):
-            self.advance(q, v, times[k - 1], times[k], drive)
-            out_q[k], out_v[k] = q, v

@@ -38,20 +38,8 @@ class Cvodes(Judge):
             potential, dynamics.damping, dynamics.drag, dynamics.layout, dynamics.constraints, clamped=dynamics.clamped
         ).f
 
-    def march(self, q, v, times, drive: Drive, out_q, out_v) -> None:
-        """Move q and v in place through the times, and record them at each but the first.
-
-        Raises
-        ------
-        SimulationError
-            When CVODES gives up.
-        """
-        solver = self._solver(drive)
-        for k in range(1, times.size):
-            self._advance(solver, q, v, times[k - 1], times[k])
-            out_q[k], out_v[k] = q, v
-
-    def _solver(self, drive: Drive) -> ca.Function:
+    def prepared(self, drive: Drive) -> ca.Function:
+        """CVODES for a drive."""
         dynamics = self.dynamics
         t, span = ca.MX.sym("t"), ca.MX.sym("span", 2)
         x = ca.MX.sym("x", self._rate.size1_in("x"))
@@ -64,9 +52,10 @@ class Cvodes(Judge):
         options = self.options | {"linear_multistep_method": method, "nonlinear_solver_iteration": "newton"}
         return ca.integrator("cvodes", "cvodes", {"x": x, "t": t, "p": span, "ode": span[1] * rate}, 0.0, 1.0, options)
 
-    def _advance(self, solver: ca.Function, q: np.ndarray, v: np.ndarray, t0: float, t1: float) -> None:
+    def advance(self, prepared: ca.Function, q: np.ndarray, v: np.ndarray, span: list[float]) -> None:
+        """Move q and v in place from span[0] on for span[1], s."""
         kept = self.dynamics.state_mask
         x = np.concatenate([q[kept], v[kept]])
-        found = np.asarray(self.run(solver, x0=x, p=[t0, t1 - t0])["xf"]).ravel()
+        found = np.asarray(self.run(prepared, x0=x, p=span)["xf"]).ravel()
         q[kept], v[kept] = found[: found.size // 2], found[found.size // 2 :]
         self.settled(q, v)

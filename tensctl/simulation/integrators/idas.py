@@ -39,28 +39,19 @@ class Idas(Judge):
             held[:, 2] = True
         return np.flatnonzero(~held.ravel())
 
-    def march(self, q, v, times, drive: Drive, out_q, out_v) -> None:
-        """Move q and v in place through the times, and record them at each but the first.
+    def advance(self, prepared: tuple[ca.Function, ca.Function], q, v, span: list[float]) -> None:
+        """Move q and v in place from span[0] on for span[1], s."""
+        (solver, consistent), structure = prepared, self.dynamics.structure
+        nodes = placed(structure, q[None], structure.nodes)[0]
+        velocities = placed(structure, v[None], np.zeros_like(structure.nodes))[0]
+        x = np.concatenate([nodes.ravel()[self._free], velocities.ravel()[self._free]])
+        found = np.asarray(self.run(solver, x0=x, z0=consistent(x, span), p=span)["xf"]).ravel()
+        nodes, velocities = nodes.copy().ravel(), np.zeros(nodes.size)
+        nodes[self._free], velocities[self._free] = np.split(found, 2)
+        q[:], v[:] = (self.dynamics.rod_coordinates(a.reshape(-1, 3)) for a in (nodes, velocities))
+        self.settled(q, v)
 
-        Raises
-        ------
-        SimulationError
-            When IDAS gives up.
-        """
-        (solver, consistent), structure = self._solver(drive), self.dynamics.structure
-        for k in range(1, times.size):
-            nodes = placed(structure, q[None], structure.nodes)[0]
-            velocities = placed(structure, v[None], np.zeros_like(structure.nodes))[0]
-            x = np.concatenate([nodes.ravel()[self._free], velocities.ravel()[self._free]])
-            span = [times[k - 1], times[k] - times[k - 1]]
-            found = np.asarray(self.run(solver, x0=x, z0=consistent(x, span), p=span)["xf"]).ravel()
-            nodes, velocities = nodes.copy().ravel(), np.zeros(nodes.size)
-            nodes[self._free], velocities[self._free] = np.split(found, 2)
-            q[:], v[:] = (self.dynamics.rod_coordinates(a.reshape(-1, 3)) for a in (nodes, velocities))
-            self.settled(q, v)
-            out_q[k], out_v[k] = q, v
-
-    def _solver(self, drive: Drive) -> tuple[ca.Function, ca.Function]:
+    def prepared(self, drive: Drive) -> tuple[ca.Function, ca.Function]:
         """IDAS for a drive, and (x, span) -> the accelerations and multipliers that it starts from."""
         t, span = ca.MX.sym("t"), ca.MX.sym("span", 2)
         size = self._free.size

@@ -19,7 +19,6 @@ from tensctl.model import Dynamics
 from tensctl.model.joint_kernel import close
 from tensctl.model.kernel import tidy
 from tensctl.simulation.drive import Drive
-from tensctl.simulation.integrators.base import Stepwise
 
 # Error allowed in a step over tol, as for the adaptive explicit method; below 1e-13 of a state the solvers give up.
 _STRICT, _LEAST = 0.01, 1e-13
@@ -30,7 +29,7 @@ MOST = 400
 
 
 @dataclass(eq=False)
-class Judge(Stepwise):
+class Judge:
     """An integrator of SUNDIALS on one statement of the motion.
 
     Attributes
@@ -62,6 +61,27 @@ class Judge(Stepwise):
     def name(self) -> str:
         """Name of the method."""
         raise NotImplementedError
+
+    def prepared(self, drive: Drive) -> Any:
+        """What is made once for a drive."""
+        raise NotImplementedError
+
+    def advance(self, prepared: Any, q: np.ndarray, v: np.ndarray, span: list[float]) -> None:
+        """Move q and v in place from span[0] on for span[1], s."""
+        raise NotImplementedError
+
+    def march(self, q, v, times, drive: Drive, out_q, out_v) -> None:
+        """Stop at every time: move q and v in place through the times, and record them at each but the first.
+
+        Raises
+        ------
+        SimulationError
+            When the solver gives up.
+        """
+        prepared = self.prepared(drive)
+        for k in range(1, times.size):
+            self.advance(prepared, q, v, [times[k - 1], times[k] - times[k - 1]])
+            out_q[k], out_v[k] = q, v
 
     @property
     def options(self) -> dict[str, float | int]:
