@@ -10,6 +10,7 @@ from support import shell_scene, solved
 import tensctl as tc
 from tensctl.linear import sample_ramped
 from tensctl.synthesis import care, dare
+from tensctl.synthesis.doubling import lyapunov
 
 sizes = st.integers(1, 12)
 seeds = st.integers(0, 10**6)
@@ -86,6 +87,35 @@ class TestContinuous:
         assert np.linalg.eigvals(A - B @ found.K).real.max() < 0
         assert np.linalg.eigvalsh(found.X).min() > 0
 
+    @pytest.mark.parametrize("decades", [5, 8])
+    def test_stiff_spectrum_with_weights_over_eight_decades(self, rng, decades):
+        frequencies = np.logspace(0, decades, 20)
+        A, _ = oscillators(frequencies, np.zeros(20))
+        B = np.vstack([np.zeros((20, 10)), frequencies[:, None] * rng.standard_normal((20, 10))])
+        found = care(A, B, np.eye(40), np.diag(np.logspace(-4, 4, 10)))
+        assert continuous_residual(A, B, np.eye(40), np.diag(np.logspace(-4, 4, 10)), found.X) < 1e-11
+        assert np.linalg.eigvals(A - B @ found.K).real.max() < 0
+
+    @given(n=st.integers(1, 6), seed=seeds, shift=st.sampled_from([-2.0, 0.0, 0.5]))
+    def test_complex_systems_are_the_real_ones_of_twice_the_size(self, n, seed, shift):
+        """M -> [Re M, -Im M; Im M, Re M] turns products into products, so also solutions into solutions."""
+        real, imaginary = system(n, n, seed, shift), system(n, n, seed + 1)
+        A, B, C = real[0] + 1j * imaginary[0], real[1] + 1j * imaginary[1], real[1] - 1j * imaginary[0]
+        Q, R = C @ C.conj().T, np.eye(n) + B.conj().T @ B
+        found = care(A, B, Q, R)
+        pair = care(*(np.block([[M.real, -M.imag], [M.imag, M.real]]) for M in (A, B, Q, R)))
+        assert np.linalg.norm(found.X - pair.X[:n, :n] - 1j * pair.X[n:, :n]) < 1e-9 * np.linalg.norm(found.X)
+        assert np.linalg.norm(found.K - pair.K[:n, :n] - 1j * pair.K[n:, :n]) < 1e-9 * np.linalg.norm(found.K)
+        assert (found.X == found.X.conj().T).all()
+        assert found.residual < 1e-12
+
+    def test_an_unstable_eigenvalue_on_the_first_shift(self):
+        """The shift between the slowest and the fastest rate would make A - gamma I singular here."""
+        A, B = np.diag([1.0, 2.0, 4.0]), np.eye(3)
+        found = care(A, B, np.eye(3), np.eye(3))
+        assert np.abs(np.diag(found.X) - np.diag(A) - np.sqrt(np.diag(A) ** 2 + 1)).max() < 1e-13
+        assert found.residual < 1e-14
+
     def test_a_shell_in_energy_coordinates(self):
         _, _, linear = solved(shell_scene(4, 2))
         flexible = linear.flexible
@@ -108,6 +138,18 @@ class TestContinuous:
         A = A - np.diag([0, 0, 0, 0.2])
         found = care(A, B, np.eye(4), np.eye(1))
         assert continuous_residual(A, B, np.eye(4), np.eye(1), found.X) < 1e-14
+
+
+class TestLyapunov:
+    @given(n=sizes, seed=seeds)
+    def test_agrees_with_scipy(self, n, seed):
+        A, _, Q, _ = system(n, 1, seed, -3.0)
+        wanted = scipy.linalg.solve_continuous_lyapunov(A.T, -Q)
+        for gamma in (0.3, 3.0, 30.0):
+            assert np.linalg.norm(lyapunov(A, Q, gamma) - wanted) < 1e-5 * np.linalg.norm(wanted)
+
+    def test_an_unstable_matrix_has_none(self):
+        assert lyapunov(np.diag([-1.0, 0.5]), np.eye(2), 2.0) is None
 
 
 class TestDiscrete:
