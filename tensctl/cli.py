@@ -75,11 +75,14 @@ def check(scene: SceneFile, /) -> None:
 
 @app.command
 def explain(scene: SceneFile, /) -> None:
-    """Say which terms the model has, which it leaves out and why."""
+    """Say which terms the model has, which it leaves out and why; and which stages are gone through."""
     asked = _load(scene)
     from tensctl.model import build_dynamics
 
     print(build_dynamics(asked).explain())
+    for words, wanted in (("asked for", True), ("left out at no cost", False)):
+        names = [name for name, there in asked.stages.items() if there is wanted]
+        print(f"stages {words}: {', '.join(names) or 'none'}")
 
 
 @app.command

@@ -30,6 +30,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         path=results.path,
         run=results.run,
         sanity=results.sanity,
+        accuracy=results.accuracy,
         limits=_limits(results),
         shape_error=results.shape_error,
         height=_height(results),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from tensctl.accuracy import WorkPrecision
     from tensctl.analysis import ModalReport
     from tensctl.linear import LinearModel
     from tensctl.model import Dynamics
@@ -41,6 +42,8 @@ class Results:
         Whether the run is physical.
     certificate : Certificate
         Of the predictive controller on this run.
+    accuracy : WorkPrecision
+        Error against run time of the scene's own motion.
     """
 
     scene: Scene
@@ -54,6 +57,7 @@ class Results:
     run: Run | None = None
     sanity: Sanity | None = None
     certificate: Certificate | None = None
+    accuracy: WorkPrecision | None = None
 
     @property
     def structure(self) -> Structure:

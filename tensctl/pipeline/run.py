@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tensctl.atomic import replaced_folder
-from tensctl.errors import EquilibriumError
+from tensctl.errors import EquilibriumError, SimulationError
 from tensctl.pipeline.results import Results
 from tensctl.progress import Progress
 from tensctl.statics import Equilibrium, Stability, find_equilibrium
@@ -76,6 +76,7 @@ def _compute(scene: Scene, clock: _Clock) -> Results:
         (scene.simulation is not None, _simulate),
         (scene.simulation is not None, _inspect),
         (scene.mpc is not None and _controller(scene) == "mpc", _certify),
+        (scene.accuracy is not None, _measure),
     ):
         if asked:
             results = stage(results, clock)
@@ -229,6 +230,21 @@ def _certify(results: Results, clock: _Clock) -> Results:
     assert results.run is not None
     with clock.stage("MPC against cvxpy"):
         return replace(results, certificate=certify(results.mpc, results.run))
+
+
+def _measure(results: Results, clock: _Clock) -> Results:
+    """Error against run time; without a reference to trust, the other results stand and the report says why."""
+    from tensctl.accuracy import WorkPrecision, work_precision
+
+    asked = results.scene.accuracy
+    assert asked is not None
+    try:
+        with clock.stage("accuracy"):
+            measured = work_precision(results.scene)
+    except SimulationError as error:
+        clock.progress.warn(f"accuracy: {error}")
+        measured = WorkPrecision((), asked.t_end, float("inf"), wanted=asked.error, failure=str(error))
+    return replace(results, accuracy=measured)
 
 
 def _write(results: Results, folder: Path, clock: _Clock) -> None:

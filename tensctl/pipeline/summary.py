@@ -26,6 +26,7 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "mpc": _mpc(results),
         "simulation": _simulation(results),
         "sanity": None if results.sanity is None else _sanity(results.sanity),
+        "accuracy": None if results.accuracy is None else results.accuracy.to_dict(),
         "seconds": {name: round(value, 4) for name, value in seconds.items()},
     }
     return {name: part for name, part in parts.items() if part is not None}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from tensctl.accuracy import WorkPrecision
     from tensctl.analysis import ModalReport
     from tensctl.linear import LinearModel
     from tensctl.model import Term
@@ -122,7 +123,7 @@ class Case:
         What is built.
     scene_toml : str, optional
         The scene with every default visible.
-    equilibrium, linear, controllability, lqr, path, run, sanity
+    equilibrium, linear, controllability, lqr, path, run, sanity, accuracy
         Results of the other rooms, read by attribute only: nothing of those rooms is loaded.
     limits : Limits, optional
         Drawn into the plots of the run.
@@ -151,6 +152,7 @@ class Case:
     path: ShapePath | None = None
     run: Run | None = None
     sanity: Sanity | None = None
+    accuracy: WorkPrecision | None = None
     limits: Limits | None = None
     shape_error: np.ndarray | None = None
     height: Height | None = None

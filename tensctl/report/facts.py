@@ -116,6 +116,10 @@ def _ran(case: Case) -> list[Tile]:
         found = len(case.sanity.warnings)
         note = "see Sanity" if found else "no contact, no collapse found"
         facts.append(Tile("Physical", plural(found, "warning") if found else "yes", note, DOUBT if found else GOOD))
+    best = None if case.accuracy is None else case.accuracy.advised()
+    if case.accuracy is not None and best is not None:
+        note = f"tol {plain(best.tol)} is the fastest to {plain(case.accuracy.wanted)} m"
+        facts.append(Tile("Integrator to use", best.method, note))
     if case.seconds:
         facts.append(Tile("Run time", seconds(sum(case.seconds.values())), plural(len(case.seconds), "stage")))
     return facts

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from tensctl.report import plot_modes, plot_poles, plot_sanity, plot_solver, plot_time
+from tensctl.report import plot_accuracy, plot_modes, plot_poles, plot_sanity, plot_solver, plot_time
 from tensctl.report.animation import Motion
 from tensctl.report.case import Case
 from tensctl.report.colourbar import colour_bar
@@ -37,6 +37,7 @@ class Figures:
     clearances: Plot | None
     compressions: Plot | None
     slack: Plot | None
+    accuracy: Plot | None
 
 
 def draw_figures(case: Case, motion: Motion) -> Figures:
@@ -62,6 +63,7 @@ def draw_figures(case: Case, motion: Motion) -> Figures:
         clearances=plot_sanity.clearances(case),
         compressions=plot_sanity.compressions(case),
         slack=plot_sanity.slack(case),
+        accuracy=plot_accuracy.errors(case.accuracy),
     )
 
 

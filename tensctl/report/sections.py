@@ -30,6 +30,7 @@ SECTIONS = (
     Section("shape", "Shape", lambda case: case.equilibrium is not None),
     Section("history", "Over time", lambda case: case.run is not None and len(case.run.time) > 1),
     Section("sanity", "Sanity", lambda case: case.sanity is not None),
+    Section("accuracy", "Accuracy", lambda case: case.accuracy is not None),
     Section("modes", "Modes", lambda case: case.linear is not None and len(case.linear.modes) > 0),
     Section("controllability", "Controllability", lambda case: case.controllability is not None),
     Section("certificates", "Controllers", _certified),

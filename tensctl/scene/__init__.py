@@ -5,6 +5,7 @@ from tensctl.scene.physics import Actuators, Drag, Gravity, Rods, Tendons
 from tensctl.scene.recipe import NetworkRecipe, PlanarRecipe, PrismRecipe, ShellRecipe
 from tensctl.scene.scene import Scene
 from tensctl.scene.stages import (
+    AccuracyStage,
     ControllabilityStage,
     EquilibriumStage,
     HistoryRequest,
@@ -21,6 +22,7 @@ from tensctl.scene.stages import (
 from tensctl.scene.tables import Ratio
 
 __all__ = [
+    "AccuracyStage",
     "Actuators",
     "ControllabilityStage",
     "Drag",

@@ -12,6 +12,7 @@ from tensctl.scene.physics import Actuators, Drag, Gravity, Loads, Rods, Tendons
 from tensctl.scene.recipe import Recipe, recipe
 from tensctl.scene.section import Section
 from tensctl.scene.stages import (
+    AccuracyStage,
     ControllabilityStage,
     EquilibriumStage,
     LinearizeStage,
@@ -45,7 +46,7 @@ class Scene(Section):
         One sentence that names the first wrong key, its value and what is expected.
     """
 
-    not_yet: ClassVar[tuple[str, ...]] = ("sensors", "lqg", "accuracy", "sweep")
+    not_yet: ClassVar[tuple[str, ...]] = ("sensors", "lqg", "sweep")
 
     title: Annotated[str, Text(empty=True)] = ""
     structure: Recipe
@@ -62,6 +63,7 @@ class Scene(Section):
     mpc: MpcStage | None = None
     target: TargetStage | None = None
     simulation: SimulationStage | None = None
+    accuracy: AccuracyStage | None = None
     report: ReportStage | None = None
 
     def __init__(self, **sections: Any) -> None:
@@ -85,6 +87,12 @@ class Scene(Section):
                 "controller",
             )
         return self
+
+    @property
+    def stages(self) -> dict[str, bool]:
+        """Every stage in the order of the work, and whether it is asked for."""
+        names = list(type(self).model_fields)
+        return {name: getattr(self, name) is not None for name in names[names.index("equilibrium") :]}
 
     def replaced(self, **sections: Any) -> Scene:
         """Return the same scene with some sections changed, checked like a new one."""

@@ -12,6 +12,7 @@ from tensctl.scene.values import Number, Numbers, Text, Vector
 
 Output = Literal["nodes", "lengths", "tensions"]
 Tolerance = Annotated[float, Number(above=0, below=1)]
+Method = Literal["splitting2", "splitting4", "splitting6", "dopri5", "rosenbrock", "cvodes", "idas"]
 
 
 class EquilibriumStage(Section):
@@ -113,7 +114,7 @@ class SimulationStage(Section):
 
     t_end: Annotated[float, Number("s", above=0)]
     controller: Literal["none", "lqr", "mpc"] = "none"
-    method: Literal["auto", "splitting2", "splitting4", "splitting6", "dopri5", "rosenbrock", "cvodes", "idas"] = "auto"
+    method: Literal["auto", Method] = "auto"
     tol: Tolerance = 1e-10
     start: Literal["auto", "nodes", "equilibrium"] = "auto"
     velocity: Annotated[tuple[float, float, float] | None, Vector("m/s")] = None
@@ -122,6 +123,26 @@ class SimulationStage(Section):
     wave: tuple[WaveRequest, ...] = ()
     history: tuple[HistoryRequest, ...] = ()
     schedule: tuple[ScheduleRequest, ...] = ()
+
+
+class AccuracyStage(Section):
+    """`[accuracy]`: error against run time of the scene's own motion, by several integrators and tolerances."""
+
+    methods: tuple[Method, ...] = ()  # none: all that apply
+    tolerances: Annotated[tuple[float, ...], Numbers()] = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+    error: Annotated[float, Number("m", above=0)] = 1e-6
+    t_end: Annotated[float, Number("s", above=0)] = 2.0
+    budget: Annotated[float, Number("s", above=0)] = 30.0
+
+    @model_validator(mode="after")
+    def _each_once_and_small(self) -> Self:
+        for name in ("methods", "tolerances"):
+            given = getattr(self, name)
+            if len(set(given)) < len(given):
+                raise complaint(f"is {shown(given)}; expected each once", name)
+        if not all(0 < tol < 1 for tol in self.tolerances):
+            raise complaint(f"is {shown(self.tolerances)}; expected numbers > 0 and < 1", "tolerances")
+        return self
 
 
 class ReportStage(Section):

@@ -34,12 +34,16 @@ def rests_first(asked: SimulationStage) -> bool:
     return asked.controller != "none" or bool(asked.push or asked.wave or asked.history or asked.schedule)
 
 
-def start_of(asked: SimulationStage, dynamics: Dynamics, equilibrium: Equilibrium) -> Start:
-    """Nodes and velocities to start from; `velocity` and `spin` move the structure as a rigid body."""
-    rests = rests_first(asked)
+def start_of(asked: SimulationStage, dynamics: Dynamics, equilibrium: Equilibrium | None) -> Start:
+    """Nodes and velocities to start from; `velocity` and `spin` move the structure as a rigid body.
+
+    The equilibrium is looked at only where `rests_first`.
+    """
+    if not rests_first(asked):
+        equilibrium = None
     if asked.velocity is None and asked.spin is None:
-        return equilibrium if rests else dynamics.structure.nodes
-    nodes = equilibrium.nodes if rests else dynamics.structure.nodes
+        return dynamics.structure.nodes if equilibrium is None else equilibrium
+    nodes = dynamics.structure.nodes if equilibrium is None else equilibrium.nodes
     drift = np.zeros(3) if asked.velocity is None else np.array(asked.velocity)
     spin = np.zeros(3) if asked.spin is None else np.array(asked.spin)
     return nodes, drift + np.cross(spin, nodes - mass_centre(dynamics.potential, nodes))

@@ -41,7 +41,7 @@ def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Choice:
     """
     why = "asked for"
     if method == "auto":
-        method, why = _fitting(dynamics, tol)
+        method, why = fitting(dynamics, tol)
     rate = dynamics.fastest_rate
     if method in _ORDERS:
         return Choice(_splitting(dynamics, _ORDERS[method], tol, rate), why)
@@ -74,7 +74,8 @@ def _adaptive(dynamics: Dynamics, method: Method, tol: float, rate: float) -> In
     return DormandPrince(dynamics, tol, rate)
 
 
-def _fitting(dynamics: Dynamics, tol: float) -> tuple[Method, str]:
+def fitting(dynamics: Dynamics, tol: float) -> tuple[Method, str]:
+    """The method that "auto" takes, and why."""
     if dynamics.tied:
         return "dopri5", "joints or guides: accelerations with multipliers, projected after each step"
     if (
