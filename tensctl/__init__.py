@@ -55,7 +55,7 @@ if TYPE_CHECKING:
         stability_orders,
     )
     from tensctl.structure import Structure, build_structure, network, planar, prism, shell
-    from tensctl.synthesis import LQR, MPC, ShapePath, lqr, plan_shape
+    from tensctl.synthesis import LQR, MPC, SampledLQR, ShapePath, lqr, plan_shape, weights
 
 _HOME = {
     "tensctl.accuracy": ("work_precision",),
@@ -102,7 +102,7 @@ _HOME = {
         "stability_orders",
     ),
     "tensctl.structure": ("Structure", "build_structure", "network", "planar", "prism", "shell"),
-    "tensctl.synthesis": ("LQR", "MPC", "ShapePath", "lqr", "plan_shape"),
+    "tensctl.synthesis": ("LQR", "MPC", "SampledLQR", "ShapePath", "lqr", "plan_shape", "weights"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
@@ -121,6 +121,7 @@ __all__ = [
     "OutputError",
     "Push",
     "Run",
+    "SampledLQR",
     "Sanity",
     "Scene",
     "SceneError",
@@ -160,6 +161,7 @@ __all__ = [
     "simulate",
     "simulate_many",
     "stability_orders",
+    "weights",
     "work_precision",
 ]
 

@@ -153,7 +153,7 @@ def _lqr(results: Results, clock: _Clock) -> Results:
     import numpy as np
 
     from tensctl.synthesis import lqr
-    from tensctl.synthesis.condensed import input_stiffness
+    from tensctl.synthesis.weights import input_stiffness
 
     weights = results.scene.lqr
     assert weights is not None

@@ -2,17 +2,23 @@
 
 from tensctl.synthesis.condensed import Condensed, Weights, condense
 from tensctl.synthesis.lqr import LQR, lqr
+from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.mpc import MPC, StepRecord
 from tensctl.synthesis.path import ShapePath, plan_shape
 from tensctl.synthesis.riccati import Riccati, care, dare
+from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.target import Height, shell_height
+from tensctl.synthesis.weights import Cost, weights
 
 __all__ = [
     "LQR",
     "MPC",
     "Condensed",
+    "Cost",
     "Height",
+    "LeftOut",
     "Riccati",
+    "SampledLQR",
     "ShapePath",
     "StepRecord",
     "Weights",
@@ -22,4 +28,5 @@ __all__ = [
     "lqr",
     "plan_shape",
     "shell_height",
+    "weights",
 ]

@@ -19,6 +19,8 @@ from jaxtyping import Float
 
 from tensctl.linear import LinearModel, Sampled, sample_ramped
 from tensctl.synthesis.riccati import dare
+from tensctl.synthesis.shown import shown
+from tensctl.synthesis.weights import input_stiffness
 from tensctl.threads import one_blas_thread
 
 
@@ -107,25 +109,13 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> 
     )  # fmt: skip
 
 
-def input_stiffness(linear: LinearModel) -> Float[np.ndarray, " nu"]:
-    """Stiffness of each acting tendon, N/m: the natural unit of cost for changing its rest length."""
-    members = linear.dynamics.members
-    stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
-    return stiffness[members.inputs]
-
-
 def _tension(linear: LinearModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Scaled tension map of (e, v), the tendons it speaks of (taut, not between pins) and their scale."""
-    from tensctl.linear.outputs import output_map
-
     structure, members = linear.dynamics.structure, linear.dynamics.members
     kept = np.flatnonzero((linear.equilibrium.tensions > 0) & ~structure.grounded_tendons)
-    shown = LinearModel(
-        linear.dynamics, linear.equilibrium, linear.modes,
-        output_map(linear.dynamics, linear.equilibrium, ("tensions",)),
-    )  # fmt: skip
+    model = shown(linear, "tensions")
     scale = members.stiffness[kept] / (1.0 if members.law == "k" else members.rest_lengths[kept])
-    return np.hstack([shown.C, shown.D])[kept] / scale[:, None], kept, scale
+    return np.hstack([model.C, model.D])[kept] / scale[:, None], kept, scale
 
 
 def _predict(A: np.ndarray, B: np.ndarray, horizon: int) -> tuple[np.ndarray, np.ndarray]:

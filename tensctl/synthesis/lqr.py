@@ -1,48 +1,33 @@
 """LQR on the flexible subspace, with its certificate.
 
-    minimise  int x'Q x + u'R u dt,   u = -R^-1 B'X x,   A'X + XA - X B R^-1 B'X + Q = 0
+    minimise  int x'Q x + 2 x'N u + u'R u dt,   u = -K x,   K = R^-1 (B'P + N'),
+    A'P + PA - (PB + N) R^-1 (B'P + N') + Q = 0
 
 In energy coordinates Q = I weighs twice the energy, and R = diag(k) weighs rest-length changes by the energy that they
-would store: both in J.
+would store: both in J. A mode that is neither damped nor driven is refused by name, or left out by name.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import overload
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
-from tensctl.synthesis.condensed import input_stiffness
-from tensctl.synthesis.riccati import care
+from tensctl.synthesis.checked import checked_cost
+from tensctl.synthesis.crossed import optimal, residual
+from tensctl.synthesis.feedback import Measured, command
+from tensctl.synthesis.lqr_sampled import SampledLQR, sampled_lqr
+from tensctl.synthesis.stabilisable import LeftOut, stabilisable
+from tensctl.synthesis.weights import Cost
+from tensctl.threads import one_blas_thread
 
 # First sample time tried: this part of a radian of the fastest mode.
 _SAMPLES = 0.2
-# A weight that is skew or negative by less than this part of itself is so by rounding.
-_SKEW = 1e-12
-
-
-class Measured(Protocol):
-    """What a controller is shown at a sample."""
-
-    @property
-    def nodes(self) -> np.ndarray:
-        """Node positions, (N, 3) m."""
-        ...
-
-    @property
-    def velocities(self) -> np.ndarray:
-        """Node velocities, (N, 3) m/s."""
-        ...
-
-    @property
-    def inputs(self) -> np.ndarray:
-        """Rest-length changes as they are now, (nu,) m."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +38,7 @@ class LQR:
     ----------
     linear : LinearModel
         The flexible model that was controlled.
-    Q, R : weights
+    Q, R, N : weights
     K : (nu, nx)
     P : (nx, nx)
         Riccati solution; x'Px is the cost to go.
@@ -61,14 +46,21 @@ class LQR:
         Riccati residual over the sum of its terms.
     dt : float, s
         Sample time at which the sampled loop is still stable.
+    basis : (nx, nr)
+        Orthonormal basis of the states that the design is about; all of them unless some were left.
+    left : tuple of LeftOut
+        Modes that are neither damped nor driven and were left out when that was asked for.
     """
 
     linear: LinearModel
     Q: Float[np.ndarray, "nx nx"]
     R: Float[np.ndarray, "nu nu"]
+    N: Float[np.ndarray, "nx nu"]
     K: Float[np.ndarray, "nu nx"]
     P: Float[np.ndarray, "nx nx"]
     residual: float
+    basis: Float[np.ndarray, "nx nr"]
+    left: tuple[LeftOut, ...] = ()
     dt: float = field(default=0.0)
 
     @property
@@ -82,9 +74,9 @@ class LQR:
         return self.linear.B
 
     @cached_property
-    def poles(self) -> Complex[np.ndarray, " nx"]:
-        """Closed-loop poles, 1/s."""
-        return np.linalg.eigvals(self.A - self.B @ self.K).astype(complex)
+    def poles(self) -> Complex[np.ndarray, " nr"]:
+        """Closed-loop poles, 1/s, of the states that the design is about."""
+        return np.linalg.eigvals(self.basis.T @ (self.A - self.B @ self.K) @ self.basis).astype(complex)
 
     @property
     def slowest(self) -> float:
@@ -103,9 +95,7 @@ class LQR:
 
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""
-        members, equilibrium = self.linear.dynamics.members, self.linear.equilibrium
-        u = equilibrium.inputs - self.K @ self.linear.state_of(measurement.nodes, measurement.velocities)
-        return np.minimum(u, (members.rest_lengths - members.floors)[members.inputs])
+        return command(self.linear, -self.K @ self.linear.state_of(measurement.nodes, measurement.velocities))
 
     def verify(self, tol: float = 1e-9) -> None:
         """Check the Riccati residual and that every pole is stable.
@@ -115,16 +105,36 @@ class LQR:
         SynthesisError
             With the number that fails.
         """
-        X, weighted = self.P, np.linalg.solve(self.R, self.B.T)
-        terms = (self.A.T @ X, X @ self.A, -X @ self.B @ weighted @ X, self.Q)
-        left = np.linalg.norm(sum(terms)) / sum(np.linalg.norm(term) for term in terms)
+        T = self.basis
+        cost = Cost(T.T @ self.Q @ T, self.R, T.T @ self.N)
+        left = residual(T.T @ self.A @ T, T.T @ self.B, cost, T.T @ self.P @ T, sampled=False)
         if not left <= tol:
             raise SynthesisError(f"the Riccati residual is {left:.1e}; at most {tol:.0e} is expected.")
         if not self.slowest < 0:
             raise SynthesisError(f"a closed-loop pole has real part {self.slowest:.2e}; < 0 is expected.")
 
 
-def lqr(linear: LinearModel, Q: np.ndarray | None = None, R: np.ndarray | None = None) -> LQR:
+@overload
+def lqr(
+    linear: LinearModel, Q: np.ndarray | None = None, R: np.ndarray | None = None, N: np.ndarray | None = None, *,
+    cost: Cost | None = None, dt: None = None, stabilisable_only: bool = False,
+) -> LQR: ...  # fmt: skip
+@overload
+def lqr(
+    linear: LinearModel, Q: np.ndarray | None = None, R: np.ndarray | None = None, N: np.ndarray | None = None, *,
+    cost: Cost | None = None, dt: float, stabilisable_only: bool = False,
+) -> SampledLQR: ...  # fmt: skip
+@one_blas_thread()
+def lqr(
+    linear: LinearModel,
+    Q: np.ndarray | None = None,
+    R: np.ndarray | None = None,
+    N: np.ndarray | None = None,
+    *,
+    cost: Cost | None = None,
+    dt: float | None = None,
+    stabilisable_only: bool = False,
+) -> LQR | SampledLQR:
     """Design state feedback on the flexible modes of a linear model.
 
     Parameters
@@ -135,6 +145,15 @@ def lqr(linear: LinearModel, Q: np.ndarray | None = None, R: np.ndarray | None =
         State weight on `linear.flexible`; identity (twice the energy) by default.
     R : (nu, nu), optional
         Input weight, positive definite; diag(stiffness) by default.
+    N : (nx, nu), optional
+        Cross weight, 2 x'N u; none by default.
+    cost : Cost, optional
+        The three of them in physical terms, from `weights`.
+    dt : float, s, optional
+        Control period. With it the sampled loop is designed, whose rest lengths ramp within each period and reach the
+        command one period later; without it the continuous one.
+    stabilisable_only : bool
+        Leave out modes that are neither damped nor driven, and list them in `left`, instead of refusing them.
 
     Raises
     ------
@@ -142,41 +161,26 @@ def lqr(linear: LinearModel, Q: np.ndarray | None = None, R: np.ndarray | None =
         A weight of the wrong shape, no input, or a mode that is neither damped nor driven.
     """
     flexible = linear.flexible
-    nx, nu = flexible.B.shape
-    if nx == 0 or nu == 0:
-        raise SynthesisError(f"the model has {nx} flexible states and {nu} inputs; at least one of each is needed.")
-    Q = np.eye(nx) if Q is None else np.asarray(Q, float)
-    R = np.diag(input_stiffness(flexible)) if R is None else np.asarray(R, float)
-    _check_weight("Q", Q, nx, positive=False)
-    _check_weight("R", R, nu, positive=True)
-    solution = care(flexible.A, flexible.B, Q, R)
-    return LQR(flexible, Q, R, solution.K, solution.X, solution.residual, _sample_time(flexible, solution.K))
+    cost = checked_cost(flexible, Q, R, N, cost)
+    part = stabilisable(flexible, only=stabilisable_only)
+    if dt is not None:
+        return sampled_lqr(flexible, cost, part, dt)
+    T = part.basis
+    if not T.shape[1]:
+        raise SynthesisError(f"nothing is left to control: {part.left[0]}.")
+    found = optimal(T.T @ flexible.A @ T, T.T @ flexible.B, Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N))
+    K = found.K @ T.T
+    period = _sample_time(flexible, K, T)
+    return LQR(flexible, cost.Q, cost.R, cost.N, K, T @ found.P @ T.T, found.residual, T, part.left, period)
 
 
-def _check_weight(name: str, weight: np.ndarray, size: int, *, positive: bool) -> None:
-    if weight.shape != (size, size):
-        raise SynthesisError(f"{name} has shape {weight.shape}; ({size}, {size}) is expected.")
-    scale = np.abs(weight).max(initial=0.0)
-    if not np.isfinite(scale):
-        raise SynthesisError(f"{name} has entries that are no finite numbers.")
-    if np.abs(weight - weight.T).max(initial=0.0) > _SKEW * scale:
-        raise SynthesisError(f"{name} is not symmetric; give ({name} + {name}')/2.")
-    smallest = np.linalg.eigvalsh(weight).min(initial=np.inf)
-    if positive and smallest <= 0:
-        raise SynthesisError(
-            f"{name} is not positive definite; every input needs a cost, because one direction of u "
-            "changes the prestress only."
-        )
-    if smallest < -_SKEW * scale * size:
-        raise SynthesisError(f"{name} has the eigenvalue {smallest:.3g}; weights are never negative.")
-
-
-def _sample_time(linear: LinearModel, K: np.ndarray) -> float:
+def _sample_time(linear: LinearModel, K: np.ndarray, T: np.ndarray) -> float:
     """Longest tried period at which the sampled, ramped loop is stable: commands arrive one period late."""
     dt = _SAMPLES / max(np.sqrt(max(mode.omega2, 0.0)) for mode in linear.modes)
+    nu = len(K)
     for _ in range(12):
-        A, B = sample_ramped(linear.A, linear.B, dt).with_input_state()
-        loop = A - B @ np.hstack([K, np.zeros((len(K), len(K)))])
+        A, B = sample_ramped(T.T @ linear.A @ T, T.T @ linear.B, dt).with_input_state()
+        loop = A - B @ np.hstack([K @ T, np.zeros((nu, nu))])
         if np.abs(np.linalg.eigvals(loop)).max() < 1:
             return float(dt)
         dt /= 2

@@ -1,0 +1,74 @@
+"""Riccati equations with a cross term, brought to the form without one and judged in their own.
+
+    continuous  A'P + PA - (PB + N) R^-1 (B'P + N') + Q = 0
+    discrete    A'PA - P - (A'PB + N)(R + B'PB)^-1 (B'PA + N') + Q = 0
+
+u = v - R^-1 N'x removes the cross term: A - B R^-1 N' and Q - N R^-1 N' take the places of A and Q. Accuracy ends where
+that difference loses its digits; the residual, of the equation as it stands above, shows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+from tensctl.synthesis.riccati import care, dare
+from tensctl.synthesis.weights import Cost
+
+# What a certificate allows to be left of the equation, as part of its terms.
+TOLERATED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """Stabilising solution P, its gain u = -K x, and what it leaves of its equation, over the sum of the terms."""
+
+    P: Float[np.ndarray, "n n"]
+    K: Float[np.ndarray, "m n"]
+    residual: float
+
+
+def optimal(A: np.ndarray, B: np.ndarray, cost: Cost, *, sampled: bool = False) -> Optimum:
+    """Least cost of dx/dt = A x + B u, or of x_(k+1) = A x_k + B u_k when sampled.
+
+    Raises
+    ------
+    SynthesisError
+        When no stabilising solution is found, or none that keeps its residual.
+    """
+    from_state = np.linalg.solve(cost.R, cost.N.T)
+    rest = cost.Q - cost.N @ from_state
+    solve = dare if sampled else care
+    try:
+        P = solve(A - B @ from_state, B, 0.5 * (rest + rest.T), cost.R).X
+    except SynthesisError:
+        raise SynthesisError(
+            "double precision finds no solution of the Riccati equation, though no mode is out of reach: some mode is "
+            "driven too weakly, or the weights of states and inputs are too far apart (raise R)."
+        ) from None
+    if sampled:
+        K = np.linalg.solve(cost.R + B.T @ P @ B, B.T @ P @ A + cost.N.T)
+    else:
+        K = np.linalg.solve(cost.R, B.T @ P + cost.N.T)
+    left = residual(A, B, cost, P, sampled=sampled)
+    if not left <= TOLERATED:
+        raise SynthesisError(
+            f"the Riccati equation was solved only to {left:.1e} of its terms; bring the weights of states and inputs "
+            "nearer to each other (raise R)."
+        )
+    return Optimum(P, K, left)
+
+
+def residual(A: np.ndarray, B: np.ndarray, cost: Cost, P: np.ndarray, *, sampled: bool) -> float:
+    """Norm of the equation's left side over the sum of its terms' norms."""
+    if sampled:
+        coupling = A.T @ P @ B + cost.N
+        terms = (A.T @ P @ A, -P, -coupling @ np.linalg.solve(cost.R + B.T @ P @ B, coupling.T), cost.Q)
+    else:
+        coupling = P @ B + cost.N
+        terms = (A.T @ P, P @ A, -coupling @ np.linalg.solve(cost.R, coupling.T), cost.Q)
+    size = sum(np.linalg.norm(term) for term in terms)
+    return float(np.linalg.norm(np.sum(terms, axis=0)) / size) if size > 0 else 0.0

@@ -1,0 +1,147 @@
+"""Which states a controller can bring to rest, and the modes of those that it cannot.
+
+After Hautus: a left eigenvector w of A whose pole is not damped and that no input reaches, w*B = 0, goes on whatever
+u does. The span W of these is taken away and the rest is asked again (a mechanism without drive has two such states,
+one behind the other); what remains is W's complement T, which A maps into itself and which holds the range of B.
+
+Columns of B are scaled to length one: a soft tendon beside stiff ones is an input like any other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float
+
+from tensctl.analysis import controllability, observability
+from tensctl.errors import SynthesisError
+from tensctl.linear import LinearModel
+
+# An eigenvector that the scaled inputs reach by less than this is not reached for certain.
+_REACHED = 1e-9
+# Poles nearer than this part of themselves are one.
+_SAME = 1e-9
+# Share of a lost direction above which a mode takes part in it.
+_TAKES_PART = 1e-3
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A mode that was left out of a design.
+
+    Attributes
+    ----------
+    index : int
+        Index of the mode.
+    frequency : float, Hz
+    reason : str
+    """
+
+    index: int
+    frequency: float
+    reason: str
+
+    def __str__(self) -> str:
+        """Mode, frequency and reason."""
+        return f"mode {self.index} ({self.frequency:.4g} Hz): {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Orthonormal basis of the states that a design is about, and the modes that it leaves out."""
+
+    basis: Float[np.ndarray, "nx nr"]
+    left: tuple[LeftOut, ...]
+
+
+def stabilisable(linear: LinearModel, *, only: bool) -> Part:
+    """The part of a flexible model that inputs can bring to rest.
+
+    Raises
+    ------
+    SynthesisError
+        Unless `only`, when a mode is neither damped nor driven: its index, frequency and reason.
+    """
+    lost = unreached(linear.A, linear.B, _pairs(linear))
+    return _part(linear, lost, "neither damped nor driven", only) if lost.size else _whole(linear)
+
+
+def detectable(linear: LinearModel, C: Float[np.ndarray, "ny nx"], *, only: bool) -> Part:
+    """The part of a flexible model that sensors with these rows can tell of; the dual of `stabilisable`."""
+    lost = unreached(linear.A.T, C.T, _pairs(linear))
+    return _part(linear, lost, "neither damped nor seen by a sensor", only) if lost.size else _whole(linear)
+
+
+def unreached(
+    A: Float[np.ndarray, "n n"], B: Float[np.ndarray, "n m"], pairs: np.ndarray | None = None
+) -> Float[np.ndarray, "n k"]:
+    """Orthonormal basis of the undamped directions that no input reaches.
+
+    Parameters
+    ----------
+    pairs : (n,) int, optional
+        Order of the states in which position and speed of each mode are neighbours: A is then nearly block diagonal,
+        and the eigenvalue solver keeps soft modes apart from the rounding of stiff ones.
+    """
+    pairs = np.arange(len(A)) if pairs is None else pairs
+    A, B = A[np.ix_(pairs, pairs)], B[pairs] / np.maximum(np.linalg.norm(B, axis=0), np.finfo(float).tiny)
+    T, lost = np.eye(len(A)), np.zeros((len(A), 0))
+    while T.shape[1]:
+        found = _undriven(T.T @ A @ T, T.T @ B)
+        if not found.shape[1]:
+            break
+        lost = np.hstack([lost, T @ found])
+        T = sla.null_space(lost.T, rcond=0.5)
+    back = np.empty_like(lost)
+    back[pairs] = lost
+    return back
+
+
+def _undriven(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Real orthonormal basis of the left eigenvectors of A that are undamped and that B does not reach."""
+    poles, vectors = np.linalg.eig(A.T)
+    noise = 10 * len(A) * np.finfo(float).eps * np.linalg.norm(A, 2)
+    left, found = list(np.flatnonzero(np.real(poles) >= -noise)), [np.zeros((len(A), 0))]
+    while left:
+        near = np.abs(poles[left] - poles[left[0]]) <= _SAME * abs(poles[left[0]]) + noise
+        group, left = np.array(left)[near], list(np.array(left)[~near])
+        basis = sla.orth(vectors[:, group], rcond=1e-6)
+        turned, gains, _ = np.linalg.svd(basis.conj().T @ B)
+        gains = np.concatenate([gains, np.zeros(len(turned) - gains.size)])
+        lost = basis @ turned[:, gains <= _REACHED]
+        found += [np.real(lost), np.imag(lost)]
+    return sla.orth(np.hstack(found), rcond=1e-6)
+
+
+def _pairs(linear: LinearModel) -> np.ndarray:
+    """Order of the states with position and speed of each mode side by side."""
+    return np.argsort(linear.order % max(len(linear.modes), 1), kind="stable")
+
+
+def _whole(linear: LinearModel) -> Part:
+    return Part(np.eye(len(linear.A)), ())
+
+
+def _part(linear: LinearModel, lost: np.ndarray, how: str, only: bool) -> Part:
+    first, *others = left = _named(linear, lost, how)
+    if not only:
+        more = f" (and {len(others)} more)" if others else ""
+        raise SynthesisError(
+            f"mode {first.index} at {first.frequency:.4g} Hz{more} is {how}: {first.reason}; give tendons or "
+            "sensors that reach it, some damping, or design on the rest with stabilisable_only=True."
+        )
+    return Part(sla.null_space(lost.T, rcond=0.5), left)
+
+
+def _named(linear: LinearModel, lost: np.ndarray, how: str) -> tuple[LeftOut, ...]:
+    """The modes of lost directions, each with what the analysis says of it: half as many as lost states."""
+    report = observability(linear) if "sensor" in how else controllability(linear)
+    reasons = {mode.index: mode.reason for mode in report.modes}
+    share = np.zeros(len(linear.modes))
+    np.add.at(share, linear.order % len(linear.modes), (lost**2).sum(axis=1))
+    names = sorted((k for k in np.flatnonzero(share > _TAKES_PART)), key=lambda k: not reasons[linear.modes[k].index])
+    kept = sorted(names[: max(1, -(-lost.shape[1] // 2))])
+    chosen = [linear.modes[k] for k in kept]
+    return tuple(LeftOut(m.index, m.frequency, reasons[m.index] or how) for m in chosen)

@@ -1,0 +1,116 @@
+"""Quadratic cost in physical terms: every part counts 1 at its allowed size (Bryson's rule).
+
+    cost rate  E/E_max + sum |dp/p_max|^2 + sum (dT/T_max)^2 + sum (u/u_max)^2  =  x'Q x + 2 x'N u + u'R u
+
+Tensions answer to rest lengths at once, dT = C x + D u, so a tension weight W = 1/T_max^2 adds C'WC to Q, C'WD to N and
+D'WD to R: the cross term N is part of the cost, not an approximation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+from tensctl.linear import LinearModel
+from tensctl.structure.labels import by_label
+from tensctl.synthesis.shown import shown
+
+Size = float | Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Cost:
+    """Weights of x'Q x + 2 x'N u + u'R u on the flexible states x and the rest-length changes u.
+
+    Attributes
+    ----------
+    Q : (nx, nx)
+    R : (nu, nu)
+    N : (nx, nu)
+    """
+
+    Q: Float[np.ndarray, "nx nx"]
+    R: Float[np.ndarray, "nu nu"]
+    N: Float[np.ndarray, "nx nu"]
+
+    @property
+    def matrix(self) -> Float[np.ndarray, "n n"]:
+        """[Q N; N' R]."""
+        return np.block([[self.Q, self.N], [self.N.T, self.R]])
+
+
+def weights(
+    linear: LinearModel,
+    *,
+    energy: float | None = None,
+    nodes: Size | None = None,
+    tensions: Size | None = None,
+    rest_lengths: Size | None = None,
+) -> Cost:
+    """Weights from allowed sizes; what is not given is left out of the cost.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        Weights are for `linear.flexible`.
+    energy : float, J
+        Energy of vibration that counts 1.
+    nodes : m
+        Displacement of a node, seen in the co-moving frame, that counts 1; a number, or a table by label pattern that
+        weighs the nodes it names.
+    tensions : N
+        Change of a tension that counts 1.
+    rest_lengths : m
+        Change of a rest length that counts 1. Without it a rest length counts by the energy k u^2/2 that it would
+        store, where `energy` is given.
+
+    Raises
+    ------
+    SynthesisError
+        A size that is no positive number, or an input that costs nothing.
+    """
+    flexible = linear.flexible
+    structure, nx, nu = flexible.dynamics.structure, *flexible.B.shape
+    total = np.zeros((nx + nu, nx + nu))
+    if energy is not None:
+        total[:nx, :nx] += 0.5 * np.eye(nx) / _positive("energy", np.array([energy]))[0]
+    if nodes is not None:
+        sizes = _positive("nodes", by_label(structure.node_labels, nodes, "nodes", np.inf))
+        total += _squares(shown(flexible, "nodes"), sizes[np.flatnonzero(structure.free) // 3])
+    if tensions is not None:
+        sizes = _positive("tensions", by_label(structure.tendon_labels, tensions, "tensions", np.inf))
+        total += _squares(shown(flexible, "tensions"), sizes)
+    total[nx:, nx:] += np.diag(_of_inputs(flexible, energy, rest_lengths))
+    if nu and np.linalg.eigvalsh(total[nx:, nx:]).min() <= 0:
+        raise SynthesisError("some rest length costs nothing; give rest_lengths, the change that is allowed, in m.")
+    return Cost(total[:nx, :nx], total[nx:, nx:], total[:nx, nx:])
+
+
+def input_stiffness(linear: LinearModel) -> Float[np.ndarray, " nu"]:
+    """Stiffness of each acting tendon, N/m: the natural unit of cost for changing its rest length."""
+    members = linear.dynamics.members
+    stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
+    return stiffness[members.inputs]
+
+
+def _of_inputs(linear: LinearModel, energy: float | None, sizes: Size | None) -> np.ndarray:
+    if sizes is not None:
+        labels = linear.dynamics.input_labels
+        return 1 / _positive("rest_lengths", by_label(labels, sizes, "rest_lengths", np.inf)) ** 2
+    return np.zeros(linear.B.shape[1]) if energy is None else 0.5 * input_stiffness(linear) / energy
+
+
+def _squares(linear: LinearModel, sizes: np.ndarray) -> np.ndarray:
+    scaled = np.hstack([linear.C, linear.D]) / sizes[:, None]
+    return scaled.T @ scaled
+
+
+def _positive(name: str, sizes: np.ndarray) -> np.ndarray:
+    wrong = ~(sizes > 0)
+    if wrong.any():
+        raise SynthesisError(f"{name} has the allowed size {sizes[wrong][0]:g}; a number > 0 is expected.")
+    return sizes
