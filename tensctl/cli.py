@@ -86,6 +86,27 @@ def explain(scene: SceneFile, /) -> None:
 
 
 @app.command
+def controllability(scene: SceneFile, /, *, out: Out | None = None) -> None:
+    """Say which tendons move what, and what no tendon moves.
+
+    Parameters
+    ----------
+    out
+        File for the same as JSON; the tables are printed in any case.
+    """
+    asked = _load(scene)
+    from tensctl.pipeline import study
+
+    found = study(asked)
+    print(found)
+    if out is not None:
+        from tensctl.analysis.record import write_record
+
+        write_record(found, out)
+        print(f"written: {out}")
+
+
+@app.command
 def accuracy(scene: SceneFile, /, *, out: Out | None = None) -> None:
     """Measure error against run time for the scene's own motion.
 

@@ -117,7 +117,7 @@ class TestNetCDF:
             short[0].run.save(tmp_path / "no" / "such" / "run.nc")
 
 
-STAGES = ("linear", "controllability", "path", "lqr", "mpc", "run", "certificate")
+STAGES = ("linear", "study", "path", "lqr", "mpc", "run", "certificate")
 
 
 class TestOnlyWhatIsAsked:
@@ -126,7 +126,7 @@ class TestOnlyWhatIsAsked:
         [
             ({}, set(), {"summary.json"}),
             ({"linearize": {}}, {"linear"}, {"summary.json"}),
-            ({"controllability": {}}, {"linear", "controllability"}, {"summary.json"}),
+            ({"controllability": {}}, {"linear", "study"}, {"summary.json"}),
             ({"lqr": {}}, {"linear", "lqr"}, {"summary.json"}),
             ({"simulation": {"t_end": 0.1}}, {"run"}, {"summary.json", "run.nc"}),
             ({"report": {}}, set(), {"summary.json", "report.html"}),

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensctl.report import Case, Check, Height, KrylovRank, Limits, MpcCheck, Push, write_report
+from tensctl.report import Case, Check, Height, Limits, MpcCheck, Push, write_report
 from tensctl.report.animation import json_for_html, speeds
 from tensctl.report.numbers import number, seconds
 from tensctl.report.pack import FEWEST_FRAMES, FRAME_BYTES, pack, unpack_nodes
@@ -103,6 +103,8 @@ class FakeVerdict:
     tendons: tuple[str, ...]
     verdict: str
     reason: str
+    shares: tuple[float, ...]
+    cluster: int
 
 
 @dataclass(frozen=True)
@@ -274,7 +276,11 @@ def fake_controllability(linear: FakeLinear, rng: np.random.Generator) -> FakeCo
         reason = "" if driven else f"rigid-body {mode.name}: internal forces cannot change momentum"
         word = "yes" if driven else "no"
         verdicts.append(
-            FakeVerdict(mode.index, mode.frequency, mode.kind, mode.multiplicity, gain, gain / 9, kinds, word, reason)
+            FakeVerdict(
+                *(mode.index, mode.frequency, mode.kind, mode.multiplicity, gain, gain / 9, kinds, word, reason),
+                shares=(0.1,) * len(kinds),
+                cluster=mode.cluster,
+            )
         )
     yes = tuple(v.index for v in verdicts if v.verdict == "yes")
     no = tuple(v.index for v in verdicts if v.verdict == "no")
@@ -324,7 +330,6 @@ def full_case(
         shape_error=error,
         height=Height(1.7, 2.04, 2.04),
         mpc_check=MpcCheck("daqp", 20, 0.02, 420, 1320, 3.2e-9, 0),
-        krylov=KrylovRank(22, 48),
         pushes=(Push(3, (5.0, 0.0, 0.0), 5.0, 5.1),),
         explain=terms,
         checks=(

@@ -1,12 +1,18 @@
 """What can be known: which modes tendons drive and outputs see, and how far rest lengths reach."""
 
 from tensctl.analysis.influence import static_influence, tension_influence
+from tensctl.analysis.krylov import KrylovRank
 from tensctl.analysis.modal import controllability, observability
+from tensctl.analysis.reach import Reach
+from tensctl.analysis.study import Study
 from tensctl.analysis.verdict import ModalReport, ModeVerdict
 
 __all__ = [
+    "KrylovRank",
     "ModalReport",
     "ModeVerdict",
+    "Reach",
+    "Study",
     "controllability",
     "observability",
     "static_influence",

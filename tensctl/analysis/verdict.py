@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+if TYPE_CHECKING:
+    from tensctl.linear import LinearModel
 
 Verdict = Literal["yes", "no", "undecided"]
 
@@ -34,6 +41,11 @@ class ModeVerdict:
     verdict : "yes", "no" or "undecided"
     reason : str
         Why not yes; empty for yes.
+    shares : tuple of float
+        Part of each of `tendons` in the squared gain of the whole group of equal frequencies, 0 to 1, per metre of
+        rest length (or of the outputs, in their units).
+    cluster : int
+        Number of the group of equal frequencies.
     """
 
     index: int
@@ -45,6 +57,8 @@ class ModeVerdict:
     tendons: tuple[str, ...]
     verdict: Verdict
     reason: str
+    shares: tuple[float, ...] = ()
+    cluster: int = -1
 
 
 @dataclass(frozen=True)
@@ -57,11 +71,14 @@ class ModalReport:
     question : str
         "controllable" or "observable".
     note : str
+    linear : LinearModel, optional
+        What was judged; `hautus` and `verify` need it.
     """
 
     modes: tuple[ModeVerdict, ...]
     question: str
     note: str = ""
+    linear: LinearModel | None = field(default=None, repr=False, compare=False)
 
     @property
     def controllable_modes(self) -> tuple[int, ...]:
@@ -82,6 +99,37 @@ class ModalReport:
     def unobservable_modes(self) -> tuple[int, ...]:
         """Indices of the modes that outputs do not see, or not for certain."""
         return self._answered("observable", yes=False)
+
+    @cached_property
+    def hautus(self) -> Float[np.ndarray, " modes"]:
+        """Smallest singular value of [A - lambda I, B] (or of [A' - lambda I, C']) at each mode's own lambda, 1/s.
+
+        The distance over A and B together: the smallest change of both, in 2-norm, after which lambda is an eigenvalue
+        that no input moves. It is continuous where `distance`, which keeps A, jumps: when a repeated frequency opens.
+        Inputs and outputs are in the square root of their energy (`analysis.scaling`); of a damped mode's two
+        eigenvalues the worse counts. One singular value decomposition for each frequency: (6,3) takes 5 s.
+        """
+        from tensctl.analysis.hautus import hautus_distances
+
+        return hautus_distances(self._judged, self.question)
+
+    def verify(self, tol: float = 1e-9) -> None:
+        """Check every answer by the Hautus matrix, which knows neither modes nor groups.
+
+        Raises
+        ------
+        LinearizationError
+            With the first mode whose answer it contradicts.
+        """
+        from tensctl.analysis.hautus import check_distances
+
+        check_distances(self._judged, self, tol)
+
+    @property
+    def _judged(self) -> LinearModel:
+        if self.linear is None:
+            raise AttributeError("this report was made without a linear model; use tc.controllability(linear).")
+        return self.linear
 
     def _answered(self, question: str, *, yes: bool) -> tuple[int, ...]:
         if question != self.question:

@@ -26,6 +26,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         equilibrium=results.equilibrium,
         linear=results.linear,
         controllability=results.controllability,
+        study=results.study,
         lqr=results.lqr,
         path=results.path,
         run=results.run,

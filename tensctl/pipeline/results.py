@@ -9,7 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from tensctl.accuracy import WorkPrecision
-    from tensctl.analysis import ModalReport
+    from tensctl.analysis import ModalReport, Study
     from tensctl.linear import LinearModel
     from tensctl.model import Dynamics
     from tensctl.pipeline.certificate import Certificate
@@ -32,7 +32,8 @@ class Results:
         Where a later stage asks for motion.
     linear : LinearModel
         About the equilibrium.
-    controllability : ModalReport
+    study : Study
+        What the tendons can do, all that `[controllability]` asks for.
     path : ShapePath
     lqr : LQR
         About the target's equilibrium where there is a target.
@@ -50,7 +51,7 @@ class Results:
     equilibrium: Equilibrium
     dynamics: Dynamics | None = None
     linear: LinearModel | None = None
-    controllability: ModalReport | None = None
+    study: Study | None = None
     path: ShapePath | None = None
     lqr: LQR | None = None
     mpc: MPC | None = None
@@ -63,6 +64,11 @@ class Results:
     def structure(self) -> Structure:
         """The structure of all results."""
         return self.equilibrium.structure
+
+    @property
+    def controllability(self) -> ModalReport | None:
+        """Which modes the tendons drive; None when it was not asked."""
+        return None if self.study is None else self.study.controllability
 
     @property
     def wanted(self) -> Equilibrium:

@@ -17,6 +17,7 @@ from tensctl.progress import Progress
 from tensctl.statics import Equilibrium, Stability, find_equilibrium
 
 if TYPE_CHECKING:
+    from tensctl.analysis import Study
     from tensctl.scene import Scene
 
 
@@ -60,6 +61,15 @@ def run(scene: Scene, out: str | Path, *, progress: Progress | None = None) -> R
         results = _compute(scene, clock)
         _write(results, folder, clock)
     return results
+
+
+def study(scene: Scene) -> Study:
+    """What the tendons of a scene can do, and nothing else: what `tensctl controllability` prints."""
+    asked = {} if scene.controllability is None else scene.controllability
+    later = dict.fromkeys(("lqr", "mpc", "target", "simulation", "report"))
+    found = _compute(scene.replaced(**later, controllability=asked), _Clock(Progress(quiet=True))).study
+    assert found is not None
+    return found
 
 
 def _compute(scene: Scene, clock: _Clock) -> Results:
@@ -124,11 +134,11 @@ def _linearize(results: Results, clock: _Clock) -> Results:
 
 
 def _controllability(results: Results, clock: _Clock) -> Results:
-    from tensctl.analysis import controllability
+    from tensctl.analysis import Study
 
     assert results.linear is not None
     with clock.stage("controllability"):
-        return replace(results, controllability=controllability(results.linear))
+        return replace(results, study=Study.of(results.linear, results.scene.controllability))
 
 
 def _plan(results: Results, clock: _Clock) -> Results:

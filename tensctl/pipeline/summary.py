@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 
 from tensctl import __version__
+from tensctl.analysis import Study
 from tensctl.pipeline.results import Results
 from tensctl.simulation import Sanity
 from tensctl.synthesis import LQR
@@ -20,7 +21,7 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "structure": _structure(results),
         "equilibrium": _equilibrium(results),
         "linear": _linear(results),
-        "controllability": _controllability(results),
+        "controllability": None if results.study is None else _study(results.study),
         "lqr": None if results.lqr is None else _lqr(results.lqr),
         "target": _target(results),
         "mpc": _mpc(results),
@@ -71,15 +72,10 @@ def _linear(results: Results) -> dict | None:
     }
 
 
-def _controllability(results: Results) -> dict | None:
-    report = results.controllability
-    if report is None:
-        return None
-    return {
-        "controllable_modes": list(report.controllable_modes),
-        "uncontrollable_modes": list(report.uncontrollable_modes),
-        "reasons": {str(mode.index): mode.reason for mode in report.modes if mode.reason},
-    }
+def _study(study: Study) -> dict:
+    from tensctl.analysis.record import record
+
+    return record(study)
 
 
 def _lqr(lqr: LQR) -> dict:

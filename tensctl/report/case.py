@@ -9,7 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from tensctl.accuracy import WorkPrecision
-    from tensctl.analysis import ModalReport
+    from tensctl.analysis import ModalReport, Study
     from tensctl.linear import LinearModel
     from tensctl.model import Term
     from tensctl.simulation import Run, Sanity
@@ -94,14 +94,6 @@ class MpcCheck:
 
 
 @dataclass(frozen=True)
-class KrylovRank:
-    """Rank that ``control.ctrb`` reports, shown only to say why it is not believed."""
-
-    rank: int
-    states: int
-
-
-@dataclass(frozen=True)
 class Push:
     """A disturbance: ``force`` (3,) N on node number ``node`` from ``begin`` to ``end`` (s)."""
 
@@ -131,7 +123,8 @@ class Case:
         Largest distance of a node from where it is wanted, at each recorded time of the run, m.
     height : Height, optional
     mpc_check : MpcCheck, optional
-    krylov : KrylovRank, optional
+    study : Study, optional
+        What is shown beside the verdicts.
     pushes : tuple of Push
         Disturbances during the run.
     explain : tuple of Term, optional
@@ -157,7 +150,7 @@ class Case:
     shape_error: np.ndarray | None = None
     height: Height | None = None
     mpc_check: MpcCheck | None = None
-    krylov: KrylovRank | None = None
+    study: Study | None = None
     pushes: tuple[Push, ...] = ()
     explain: tuple[Term, ...] | None = None
     checks: tuple[Check, ...] = ()

@@ -1,0 +1,61 @@
+"""A study as plain numbers and words: what `summary.json` holds of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tensctl.analysis.reach import Reach
+from tensctl.analysis.study import Study
+from tensctl.analysis.verdict import ModalReport
+
+
+def record(study: Study) -> dict:
+    """Everything of a study that JSON can hold; SI units."""
+    report = study.controllability
+    parts = {
+        "controllable_modes": list(report.controllable_modes),
+        "uncontrollable_modes": list(report.uncontrollable_modes),
+        "reasons": {str(mode.index): mode.reason for mode in report.modes if mode.reason},
+        "modes": _modes(report, None if study.hautus is None else study.hautus.tolist()),
+        "reach": _reach(study.reach),
+        "control_ctrb": None if study.krylov is None else {"rank": study.krylov.rank, "states": study.krylov.states},
+        "observability": None if study.observability is None else _modes(study.observability, None),
+    }
+    return {name: part for name, part in parts.items() if part is not None}
+
+
+def write_record(study: Study, path: Path) -> None:
+    """Write `record` as a JSON file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(record(study), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _modes(report: ModalReport, hautus: list[float] | None) -> list[dict]:
+    found = []
+    for k, mode in enumerate(report.modes):
+        entry = {
+            "mode": mode.index,
+            "kind": mode.kind,
+            "frequency_Hz": mode.frequency,
+            "multiplicity": mode.multiplicity,
+            "gain": mode.gain,
+            "distance_over_B" if report.question == "controllable" else "distance_over_C": mode.distance,
+            "answer": mode.verdict,
+            "strongest": dict(zip(mode.tendons, mode.shares, strict=True)),
+            "reason": mode.reason,
+        }
+        found.append(entry if hautus is None else entry | {"distance_over_A_and_B": hautus[k]})
+    return found
+
+
+def _reach(reach: Reach) -> dict:
+    return {
+        "rank": reach.rank,
+        "undecided": reach.undecided,
+        "flexible_freedoms": reach.freedoms,
+        "inputs": reach.inputs,
+        "share_not_held_by_mode": dict(
+            zip((str(mode.index) for mode in reach.linear.flexible.modes), reach.shares.tolist(), strict=True)
+        ),
+    }

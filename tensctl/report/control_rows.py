@@ -1,0 +1,76 @@
+"""Rows of the controllability tables: one a frequency and answer, with the strongest tendons and their shares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensctl.report.case import Case
+
+if TYPE_CHECKING:
+    from tensctl.analysis import ModalReport, ModeVerdict
+
+_SHOWN = 4
+
+
+@dataclass(frozen=True)
+class VerdictRow:
+    """Modes of one frequency that have one answer.
+
+    Attributes
+    ----------
+    modes : str
+        `7`, or `7, 8`.
+    gain, distance : float
+        Of the weakest of them.
+    hautus : float or None
+        Distance over A and B, 1/s.
+    strongest : tuple of (label, share)
+    """
+
+    modes: str
+    kind: str
+    frequency: float
+    gain: float
+    distance: float
+    hautus: float | None
+    strongest: tuple[tuple[str, float], ...]
+    verdict: str
+    reason: str
+
+
+def verdict_rows(report: ModalReport, hautus: np.ndarray | None = None) -> tuple[VerdictRow, ...]:
+    """Rows in order of the modes."""
+    found, place = [], 0
+    for _, group in groupby(report.modes, _key):
+        members = list(group)
+        first, weakest = members[0], min(members, key=lambda mode: mode.gain)
+        here = None if hautus is None else float(hautus[place : place + len(members)].min())
+        place += len(members)
+        found.append(
+            VerdictRow(
+                modes=", ".join(str(mode.index) for mode in members),
+                kind=first.kind,
+                frequency=first.frequency,
+                gain=weakest.gain,
+                distance=weakest.distance,
+                hautus=here,
+                strongest=tuple(zip(first.tendons, first.shares, strict=True))[:_SHOWN],
+                verdict=str.__str__(first.verdict),
+                reason=first.reason,
+            )
+        )
+    return tuple(found)
+
+
+def _key(mode: ModeVerdict) -> tuple:
+    alone = mode.index if mode.kind == "rigid-body" else -1
+    return mode.cluster, alone, mode.verdict, mode.reason
+
+
+def hautus_of(case: Case) -> np.ndarray | None:
+    """Distances over A and B, where the case has them."""
+    return None if case.study is None else case.study.hautus
