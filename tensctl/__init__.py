@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         SynthesisError,
         TensctlError,
     )
-    from tensctl.linear import LinearModel, linearize
+    from tensctl.linear import HarmonicModel, LinearModel, harmonics, linearize
     from tensctl.model import Dynamics, build_dynamics
     from tensctl.pipeline import run
     from tensctl.scene import Scene, load_scene
@@ -55,7 +55,17 @@ if TYPE_CHECKING:
         stability_orders,
     )
     from tensctl.structure import Structure, build_structure, network, planar, prism, shell
-    from tensctl.synthesis import LQR, MPC, SampledLQR, ShapePath, lqr, plan_shape, weights
+    from tensctl.synthesis import (
+        LQR,
+        MPC,
+        HarmonicLQR,
+        SampledLQR,
+        ShapePath,
+        harmonic_lqr,
+        lqr,
+        plan_shape,
+        weights,
+    )
 
 _HOME = {
     "tensctl.accuracy": ("work_precision",),
@@ -70,7 +80,7 @@ _HOME = {
         "SynthesisError",
         "TensctlError",
     ),
-    "tensctl.linear": ("LinearModel", "linearize"),
+    "tensctl.linear": ("HarmonicModel", "LinearModel", "harmonics", "linearize"),
     "tensctl.model": ("Dynamics", "build_dynamics"),
     "tensctl.pipeline": ("run",),
     "tensctl.scene": ("Scene", "load_scene"),
@@ -102,7 +112,17 @@ _HOME = {
         "stability_orders",
     ),
     "tensctl.structure": ("Structure", "build_structure", "network", "planar", "prism", "shell"),
-    "tensctl.synthesis": ("LQR", "MPC", "SampledLQR", "ShapePath", "lqr", "plan_shape", "weights"),
+    "tensctl.synthesis": (
+        "LQR",
+        "MPC",
+        "HarmonicLQR",
+        "SampledLQR",
+        "ShapePath",
+        "harmonic_lqr",
+        "lqr",
+        "plan_shape",
+        "weights",
+    ),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
@@ -113,6 +133,8 @@ __all__ = [
     "Dynamics",
     "Equilibrium",
     "EquilibriumError",
+    "HarmonicLQR",
+    "HarmonicModel",
     "History",
     "LinearModel",
     "LinearizationError",
@@ -143,6 +165,8 @@ __all__ = [
     "controllability",
     "find_equilibria",
     "find_equilibrium",
+    "harmonic_lqr",
+    "harmonics",
     "inspect_run",
     "inverse_statics",
     "linearize",

@@ -214,6 +214,25 @@ def linearize(
     unknown = [kind for kind in outputs if kind not in ("nodes", "lengths", "tensions")]
     if unknown:
         raise LinearizationError(f'output "{unknown[0]}" is unknown; choose from nodes, lengths, tensions.')
+    check_point(dynamics, equilibrium)
+    if not equilibrium.spectrum.complete:
+        raise LinearizationError(
+            f"the structure has {equilibrium.potential.manifold.size} degrees of freedom, too many for modes; "
+            "its lowest frequencies are in equilibrium.omega2."
+        )
+    return LinearModel(
+        dynamics, equilibrium, find_modes(equilibrium), output_map(dynamics, equilibrium, tuple(outputs))
+    )
+
+
+def check_point(dynamics: Dynamics, equilibrium: Equilibrium) -> None:
+    """Refuse a point that the dynamics has no linear model about.
+
+    Raises
+    ------
+    LinearizationError
+        For an equilibrium of other members, on the slack boundary, or all slack.
+    """
     if not _same(dynamics, equilibrium):
         raise LinearizationError(
             "the equilibrium belongs to another structure or other materials; make it and the dynamics from one scene."
@@ -229,14 +248,6 @@ def linearize(
         )
     if equilibrium.point.at_ease:
         raise LinearizationError("every tendon is slack, so nothing holds the shape; shorten the rest lengths.")
-    if not equilibrium.spectrum.complete:
-        raise LinearizationError(
-            f"the structure has {equilibrium.potential.manifold.size} degrees of freedom, too many for modes; "
-            "its lowest frequencies are in equilibrium.omega2."
-        )
-    return LinearModel(
-        dynamics, equilibrium, find_modes(equilibrium), output_map(dynamics, equilibrium, tuple(outputs))
-    )
 
 
 def _same(dynamics: Dynamics, equilibrium: Equilibrium) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Float
+from jaxtyping import Inexact
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +26,9 @@ class Sampled:
     dt : float, s
     """
 
-    F: Float[np.ndarray, "nx nx"]
-    G0: Float[np.ndarray, "nx nu"]
-    G1: Float[np.ndarray, "nx nu"]
+    F: Inexact[np.ndarray, "nx nx"]
+    G0: Inexact[np.ndarray, "nx nu"]
+    G1: Inexact[np.ndarray, "nx nu"]
     dt: float
 
     def with_input_state(self) -> tuple[np.ndarray, np.ndarray]:
@@ -41,7 +41,7 @@ class Sampled:
 def sample_ramped(A: np.ndarray, B: np.ndarray, dt: float) -> Sampled:
     """Sample dx/dt = A x + B u with period dt, exactly for inputs that ramp."""
     nx, nu = B.shape
-    block = np.zeros((nx + 2 * nu, nx + 2 * nu))
+    block = np.zeros((nx + 2 * nu, nx + 2 * nu), np.result_type(A, B, float))
     block[:nx, :nx], block[:nx, nx : nx + nu] = A * dt, B * dt
     block[nx : nx + nu, nx + nu :] = np.eye(nu)
     transition = sla.expm(block)

@@ -59,8 +59,7 @@ class Sector:
     def of(cls, potential: Potential, symmetry: CyclicSymmetry, rest_lengths: np.ndarray) -> Sector:
         """The sector in row 0 of the symmetry's members."""
         structure = potential.structure
-        turn_of, place = np.empty(len(structure.nodes), int), np.empty(len(structure.nodes), int)
-        turn_of[symmetry.nodes] = np.arange(symmetry.order)[:, None]
+        turn_of, place = symmetry.turns_to, np.empty(len(structure.nodes), int)
         place[symmetry.nodes] = np.arange(symmetry.nodes.shape[1])
         ends = structure.tendons[symmetry.tendons[0]]
         apart = (turn_of[ends[:, 1]] - turn_of[ends[:, 0]]) % symmetry.order

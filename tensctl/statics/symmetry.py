@@ -59,6 +59,13 @@ class CyclicSymmetry:
         """Rotation matrices of 0, 1, ... n - 1 turns."""
         return turn(self.axis, 2 * np.pi * np.arange(self.order) / self.order)
 
+    @cached_property
+    def turns_to(self) -> Int[np.ndarray, " nodes"]:
+        """How many turns carry the sector to each node's."""
+        turns = np.empty(self.nodes.size, int)
+        turns[self.nodes] = np.arange(self.order)[:, None]
+        return turns
+
     def expand(self, sector: Float[np.ndarray, "sector_nodes 3"]) -> Float[np.ndarray, "nodes 3"]:
         """All nodes, from the sector's, which are given relative to the centre."""
         full = np.empty((self.nodes.size, 3))

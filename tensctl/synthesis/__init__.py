@@ -1,6 +1,7 @@
 """How a structure is steered: Riccati equations, LQR, shape paths and predictive control."""
 
 from tensctl.synthesis.condensed import Condensed, Weights, condense
+from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.mpc import MPC, StepRecord
@@ -15,6 +16,7 @@ __all__ = [
     "MPC",
     "Condensed",
     "Cost",
+    "HarmonicLQR",
     "Height",
     "LeftOut",
     "Riccati",
@@ -25,6 +27,7 @@ __all__ = [
     "care",
     "condense",
     "dare",
+    "harmonic_lqr",
     "lqr",
     "plan_shape",
     "shell_height",

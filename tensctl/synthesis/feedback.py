@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.linear import LinearModel
+from tensctl.linear import HarmonicModel, LinearModel
 
 
 class Measured(Protocol):
@@ -29,7 +29,7 @@ class Measured(Protocol):
         ...
 
 
-def command(linear: LinearModel, change: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:
+def command(linear: LinearModel | HarmonicModel, change: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:
     """Total rest-length change from L0, m, of a change from the equilibrium, kept above the rest-length floors."""
     members = linear.dynamics.members
     return np.minimum(linear.equilibrium.inputs + change, (members.rest_lengths - members.floors)[members.inputs])

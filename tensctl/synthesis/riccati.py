@@ -31,19 +31,21 @@ class Riccati:
     ----------
     X : (n, n), Hermitian
     K : (m, n), u = -K x
-    left, terms : float
-        Frobenius norm of the equation's left side, and the sum of its terms' norms.
+    left : float
+        Frobenius norm of the equation's left side.
+    terms : tuple of float
+        Those of its terms.
     """
 
     X: Square
     K: Inexact[np.ndarray, "m n"]
     left: float
-    terms: float
+    terms: tuple[float, ...]
 
     @property
     def residual(self) -> float:
         """What is left of the equation over the sum of its terms."""
-        return self.left / self.terms
+        return self.left / sum(self.terms)
 
 
 @one_blas_thread()
@@ -76,24 +78,23 @@ def dare(A: Square, B: np.ndarray, Q: Square, R: np.ndarray) -> Riccati:
     K = np.linalg.solve(R + B.conj().T @ X @ B, B.conj().T @ X @ A)
     carried = A.conj().T @ X
     terms = (carried @ A, -(carried @ B) @ K, -X, Q)
-    return _checked(X, K, _norm(sum(terms)), sum(map(_norm, terms)))
+    return _checked(X, K, _norm(np.sum(terms, axis=0)), tuple(map(_norm, terms)))
 
 
-def continuous_left(A: Square, G: Square, Q: Square, X: Square) -> tuple[Square, float]:
-    """Left side of the continuous equation at a Hermitian X, and the sum of its terms' norms."""
+def continuous_left(A: Square, G: Square, Q: Square, X: Square) -> tuple[Square, tuple[float, ...]]:
+    """Left side of the continuous equation at a Hermitian X, and the norms of its four terms."""
     linear, quadratic = X @ A, X @ G @ X
-    return linear + linear.conj().T - quadratic + Q, 2 * _norm(linear) + _norm(quadratic) + _norm(Q)
+    return linear + linear.conj().T - quadratic + Q, (_norm(linear), _norm(linear), _norm(quadratic), _norm(Q))
 
 
-def _newton(A: Square, G: Square, Q: Square, X: Square, gamma: float) -> tuple[Square, float, float]:
+def _newton(A: Square, G: Square, Q: Square, X: Square, gamma: float) -> tuple[Square, float, tuple[float, ...]]:
     """One Newton-Kleinman correction, kept only when it lowers the residual; with the residual and its terms."""
     left, terms = continuous_left(A, G, Q, X)
     change = lyapunov(A - G @ X, left, gamma)
-    if change is None:
-        return X, _norm(left), terms
-    after, terms_after = continuous_left(A, G, Q, X + change)
-    if _norm(after) < _norm(left):
-        return X + change, _norm(after), terms_after
+    if change is not None:
+        after, terms_after = continuous_left(A, G, Q, X + change)
+        if _norm(after) < _norm(left):
+            return X + change, _norm(after), terms_after
     return X, _norm(left), terms
 
 
@@ -101,10 +102,10 @@ def _norm(M: np.ndarray) -> float:
     return float(np.linalg.norm(M))
 
 
-def _checked(X: np.ndarray, K: np.ndarray, left: float, terms: float) -> Riccati:
-    if not left <= _REFUSED * terms:
+def _checked(X: np.ndarray, K: np.ndarray, left: float, terms: tuple[float, ...]) -> Riccati:
+    if not left <= _REFUSED * sum(terms):
         raise SynthesisError(
-            f"the Riccati equation was solved only to {left / terms:.1e} of its terms; "
+            f"the Riccati equation was solved only to {left / sum(terms):.1e} of its terms; "
             "scale the weights, or leave out modes that the inputs hardly drive."
         )
     return Riccati(X, K, left, terms)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
-from tensctl.linear import LinearModel
+from tensctl.linear import HarmonicModel, LinearModel
 from tensctl.structure.labels import by_label
 from tensctl.synthesis.shown import shown
 
@@ -90,7 +90,7 @@ def weights(
     return Cost(total[:nx, :nx], total[nx:, nx:], total[:nx, nx:])
 
 
-def input_stiffness(linear: LinearModel) -> Float[np.ndarray, " nu"]:
+def input_stiffness(linear: LinearModel | HarmonicModel) -> Float[np.ndarray, " nu"]:
     """Stiffness of each acting tendon, N/m: the natural unit of cost for changing its rest length."""
     members = linear.dynamics.members
     stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths

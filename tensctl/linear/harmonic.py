@@ -1,0 +1,187 @@
+"""The linear model of a cyclically symmetric structure as n independent blocks of sector size.
+
+    dx_k/dt = A_k x_k + B_k u_k,   k = 0 ... n/2,   x_{n-k} = conj x_k
+
+in the unitary transform of `harmonic_map`: a change of basis and nothing else, so poles, gains, norms and costs are
+those of the whole `LinearModel.flexible`, whose matrices are never formed. Exact for a symmetric scene; of one that is
+so to a mismatch only, the blocks are those of its first sector repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import cast, get_args
+
+import numpy as np
+from jaxtyping import Float, Inexact
+
+from tensctl.errors import LinearizationError
+from tensctl.linear.frame import best_fit
+from tensctl.linear.harmonic_block import Harmonic
+from tensctl.linear.harmonic_find import linear_symmetry
+from tensctl.linear.harmonic_map import HarmonicMap
+from tensctl.linear.model import LinearModel, check_point
+from tensctl.linear.outputs import Output
+from tensctl.model import Dynamics
+from tensctl.statics import Equilibrium
+from tensctl.statics.sector import Sector
+from tensctl.threads import one_blas_thread
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicModel:
+    """A linear model in harmonics, rigid-body motions left out, as in `LinearModel.flexible`.
+
+    Attributes
+    ----------
+    dynamics : Dynamics
+    equilibrium : Equilibrium
+        The point of linearisation; states, inputs and outputs are deviations from it.
+    map : HarmonicMap
+        Between arrays of the whole structure and their harmonics.
+    blocks : tuple of Harmonic
+        k = 0 ... n/2.
+    mismatch : float
+        Largest relative difference between a member and its image in the next sector.
+    """
+
+    dynamics: Dynamics
+    equilibrium: Equilibrium
+    map: HarmonicMap
+    blocks: tuple[Harmonic, ...]
+    mismatch: float
+
+    @property
+    def order(self) -> int:
+        """The number n of sectors."""
+        return self.map.order
+
+    @property
+    def nx(self) -> int:
+        """Number of real states of the whole structure."""
+        return sum(block.copies * block.nx for block in self.blocks)
+
+    @property
+    def nu(self) -> int:
+        """Number of inputs of the whole structure."""
+        return self.map.inputs.size
+
+    @cached_property
+    def omega2(self) -> Float[np.ndarray, " modes"]:
+        """Squared natural frequencies of the whole structure, rad^2/s^2, ascending, without rigid-body zeros."""
+        return np.sort(np.concatenate([np.tile(block.omega2, block.copies) for block in self.blocks]))
+
+    def state_of(
+        self, nodes: Float[np.ndarray, "nodes 3"], velocities: Float[np.ndarray, "nodes 3"]
+    ) -> list[Inexact[np.ndarray, " _"]]:
+        """States x_k of the nonlinear structure, of a free one in its co-moving frame (see `LinearModel.state_of`)."""
+        rest, potential = self.equilibrium.nodes, self.equilibrium.potential
+        if not potential.structure.held.any():
+            frame = best_fit(potential, rest, nodes, velocities)
+            nodes, velocities = frame.nodes(nodes), frame.velocities(nodes, velocities)
+        xi = potential.manifold.logarithm(rest, nodes)
+        rate = potential.manifold.velocity(rest, nodes, velocities)
+        return [
+            np.concatenate([block.scales * eta[:, 0], eta[:, 1]])
+            for block, eta in zip(self.blocks, self.modal(np.column_stack([xi, rate])), strict=True)
+        ]
+
+    def modal(self, xi: Float[np.ndarray, "size columns"]) -> list[Inexact[np.ndarray, "_ columns"]]:
+        """Modal coordinates eta by harmonic, from tangent coordinates of the whole structure."""
+        rods = self.map.point.sector.symmetry.rods[0]
+        mass = self.map.point.sector.manifold.mass(self.dynamics.members.mass[rods])[:, None]
+        waves = self.map.motion(xi)
+        return [block.shapes.conj().T @ (mass * z) for block, z in zip(self.blocks, waves, strict=True)]
+
+    def changed_basis(self, linear: LinearModel) -> list[Inexact[np.ndarray, "_ nx"]]:
+        """T_k of x_k = T_k x, with x the state of the dense `linear.flexible`; together unitary.
+
+        Raises
+        ------
+        LinearizationError
+            For a model of another equilibrium.
+        """
+        flexible = linear.flexible
+        if not np.array_equal(linear.equilibrium.nodes, self.equilibrium.nodes):
+            raise LinearizationError("the linear model is one of another equilibrium; linearise both at the same.")
+        result = []
+        for block, mixed in zip(self.blocks, self.modal(flexible.shapes), strict=True):
+            scaled, zero = block.scales[:, None] * mixed / flexible.scales, np.zeros_like(mixed)
+            result.append(np.block([[scaled, zero], [zero, mixed]])[:, flexible.order])
+        return result
+
+    def circulant(self, row: Float[np.ndarray, "n p q"]) -> list[Inexact[np.ndarray, "p q"]]:
+        """Blocks of a block-circulant matrix, M[s, t] = row[(t - s) mod n] between sectors s and t."""
+        return [np.sqrt(self.order) * np.conj(wave) for wave in self.map.forward(row)]
+
+    def weight_of(self, weights: Mapping[str, float | np.ndarray]) -> list[Inexact[np.ndarray, "_ _"]]:
+        """State weights Q_k of sum w y^2 over the outputs, at inputs held still.
+
+        Parameters
+        ----------
+        weights : {"nodes", "lengths" or "tensions": number, or one number for each output of a sector}
+        """
+        unknown = [kind for kind in weights if kind not in get_args(Output)]
+        if unknown:
+            raise LinearizationError(f'output "{unknown[0]}" is unknown; choose from {", ".join(get_args(Output))}.')
+        result = []
+        for block in self.blocks:
+            Q = np.zeros((block.nx, block.nx), block.shapes.dtype)
+            for kind, weight in weights.items():
+                C = block.C(cast(Output, kind))
+                Q = Q + C.conj().T @ (np.broadcast_to(weight, len(C))[:, None] * C)
+            result.append(0.5 * (Q + Q.conj().T))
+        return result
+
+    def verify(self, tol: float = 1e-9) -> None:
+        """Check each block's modes against the Hessian and mass matrix that they came from.
+
+        Raises
+        ------
+        LinearizationError
+            With the misfit found and its harmonic.
+        """
+        worst = max(self.blocks, key=Harmonic.misfit)
+        if worst.misfit() > tol:
+            raise LinearizationError(
+                f"the modes of harmonic {worst.k} miss the Hessian by {worst.misfit():.1e} of its size; "
+                f"{tol:.0e} is expected."
+            )
+
+
+@one_blas_thread()
+def harmonics(dynamics: Dynamics, equilibrium: Equilibrium, *, tol: float = 1e-9) -> HarmonicModel:
+    """Linearise a cyclically symmetric model harmonic by harmonic, at any size.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+    equilibrium : Equilibrium
+        Of the same structure.
+    tol : float
+        Largest relative mismatch between the sectors that is let pass.
+
+    Raises
+    ------
+    LinearizationError
+        When the sectors differ, and where `linearize` would refuse.
+    """
+    check_point(dynamics, equilibrium)
+    symmetry = linear_symmetry(dynamics, equilibrium, tol)
+    sector = Sector.of(equilibrium.potential, symmetry, equilibrium.rest_lengths)
+    point = sector.at(sector.restrict(equilibrium.nodes))
+    tolerance = equilibrium.tolerance
+    blocks = [Harmonic.of(dynamics, point, k, tolerance) for k in range(symmetry.order // 2 + 1)]
+    acting = symmetry.tendons[:, blocks[0].acting]
+    inputs = np.searchsorted(dynamics.members.inputs, acting)
+    return HarmonicModel(
+        dynamics, equilibrium, HarmonicMap(equilibrium, point, inputs), _scaled(blocks), symmetry.mismatch
+    )
+
+
+def _scaled(blocks: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
+    """Blocks whose modes without stiffness have the scale of the slowest flexible one of all."""
+    slowest = min((float(np.sqrt(b.omega2[b.flexible].min())) for b in blocks if b.flexible.any()), default=1.0)
+    return tuple(replace(block, unscaled=slowest) for block in blocks)

@@ -1,0 +1,192 @@
+"""LQR of a cyclically symmetric structure, harmonic by harmonic.
+
+    minimise  sum_k int x_k* Q_k x_k + u_k* R_k u_k dt,   u_k = -R_k^-1 B_k* P_k x_k
+
+with P_k from the Riccati equation of block k. The transform is unitary, so this is the LQR of the whole structure: its
+gain, never formed, is a fast Fourier transform, n/2 + 1 products of sector size, and the transform back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Complex, Float, Inexact
+
+from tensctl.errors import SynthesisError
+from tensctl.linear import HarmonicModel, LinearModel, sample_ramped
+from tensctl.linear.harmonic_block import Harmonic
+from tensctl.synthesis.feedback import Measured, command
+from tensctl.synthesis.harmonic_weights import Blocks, input_weights, state_weights
+from tensctl.synthesis.riccati import Riccati, care, continuous_left
+from tensctl.threads import one_blas_thread
+
+# First sample time tried: this part of a radian of the fastest mode (as in `lqr`).
+_SAMPLES = 0.2
+_HALVINGS = 12
+# A stable sampled loop of a time constant of up to 2^40 periods is seen as stable.
+_SQUARINGS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicLQR:
+    """State feedback about a symmetric equilibrium; a controller with `step` and `reset`.
+
+    Attributes
+    ----------
+    linear : HarmonicModel
+    Q, R : weights by harmonic, Q_k on x_k and R_k on u_k
+    K, P : gains and Riccati solutions by harmonic
+    residual : float
+        Riccati residual of the whole structure over the sum of its terms, each the root of a sum of squares over all
+        n harmonics.
+    """
+
+    linear: HarmonicModel
+    Q: tuple[Inexact[np.ndarray, "nx nx"], ...]
+    R: tuple[Inexact[np.ndarray, "p p"], ...]
+    K: tuple[Inexact[np.ndarray, "p nx"], ...]
+    P: tuple[Inexact[np.ndarray, "nx nx"], ...]
+    residual: float
+
+    @cached_property
+    def poles(self) -> Complex[np.ndarray, " nx"]:
+        """Closed-loop poles of the whole structure, 1/s."""
+        found = []
+        for block, K in zip(self.linear.blocks, self.K, strict=True):
+            values = np.linalg.eigvals(block.A - block.B @ K).astype(complex)
+            found += [values, values.conj()][: block.copies]
+        return np.concatenate(found)
+
+    @property
+    def slowest(self) -> float:
+        """Real part of the slowest pole, 1/s; negative when the loop is stable."""
+        return float(np.real(self.poles).max(initial=-np.inf))
+
+    @cached_property
+    def dt(self) -> float:
+        """Longest tried sample time at which the sampled, ramped loop is stable, s."""
+        dt = _SAMPLES / float(np.sqrt(self.linear.omega2.max()))
+        for _ in range(_HALVINGS):
+            if all(_stable_sampled(block, K, dt) for block, K in zip(self.linear.blocks, self.K, strict=True)):
+                return dt
+            dt /= 2
+        raise SynthesisError(f"the sampled loop is unstable even at a sample time of {dt:.1e} s; raise R.")
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Nothing is remembered from step to step, so runs under it can be stored and resumed."""
+        return {}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Nothing to remember."""
+
+    @one_blas_thread()
+    def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
+        """Total rest-length change u from L0, m, kept above the rest-length floors."""
+        states = self.linear.state_of(measurement.nodes, measurement.velocities)
+        return command(self.linear, self.answer(states))
+
+    def answer(self, states: Blocks) -> Float[np.ndarray, "nu *columns"]:
+        """-K x of the whole structure, m, from the harmonics of its state."""
+        return self.linear.map.shortening([-K @ x for K, x in zip(self.K, states, strict=True)])
+
+    def cost(self, states: Blocks) -> float:
+        """Cost to go x'Px of the whole structure, J."""
+        terms = zip(self.linear.blocks, self.P, states, strict=True)
+        return float(sum(block.copies * np.real(x.conj() @ P @ x) for block, P, x in terms))
+
+    def dense(self, linear: LinearModel) -> tuple[Float[np.ndarray, "nu nx"], Float[np.ndarray, "nx nx"]]:
+        """K and P in the states of a dense model of the same equilibrium, for sizes that have one."""
+        bases = self.linear.changed_basis(linear)
+        terms = zip(self.linear.blocks, self.P, bases, strict=True)
+        P = sum((block.copies * np.real(T.conj().T @ P @ T) for block, P, T in terms), np.zeros(()))
+        return -self.answer(bases), P
+
+    def verify(self, tol: float = 1e-9) -> None:
+        """Check the Riccati residual and, by Lyapunov's inequality, that every pole is stable.
+
+        Raises
+        ------
+        SynthesisError
+            With the number or the harmonic that fails.
+        """
+        designs = list(zip(self.linear.blocks, self.Q, self.R, self.K, self.P, strict=True))
+        lefts, terms = zip(*(_left(block, Q, R, P) for block, Q, R, _, P in designs), strict=True)
+        residual = _whole_residual(self.linear, [float(np.linalg.norm(left)) for left in lefts], list(terms))
+        if not residual <= tol:
+            raise SynthesisError(f"the Riccati residual is {residual:.1e}; at most {tol:.0e} is expected.")
+        for block, _, _, K, P in designs:
+            if not _stable(block, K, P):
+                raise SynthesisError(f"a closed-loop pole of harmonic {block.k} is not stable.")
+
+
+@one_blas_thread()
+def harmonic_lqr(linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray | Blocks | None = None) -> HarmonicLQR:
+    """Design state feedback harmonic by harmonic.
+
+    Parameters
+    ----------
+    linear : HarmonicModel
+    Q : one (nx_k, nx_k) array a harmonic, optional
+        State weights, as `linear.weight_of` gives them; identity (twice the energy) by default.
+    R : (p, p) array, or one a harmonic, optional
+        Input weight of each sector, or blocks as `linear.circulant` gives them; diag(stiffness) by default.
+
+    Raises
+    ------
+    SynthesisError
+        Weights that do not fit, no input, or a mode that is neither damped nor driven.
+    """
+    if linear.nx == 0 or linear.nu == 0:
+        raise SynthesisError(
+            f"the model has {linear.nx} flexible states and {linear.nu} inputs; at least one of each is needed."
+        )
+    Qs, Rs = state_weights(linear, Q), input_weights(linear, R)
+    solved = [_solved(block, Qk, Rk) for block, Qk, Rk in zip(linear.blocks, Qs, Rs, strict=True)]
+    residual = _whole_residual(linear, [one.left for one in solved], [one.terms for one in solved])
+    return HarmonicLQR(linear, Qs, Rs, tuple(one.K for one in solved), tuple(one.X for one in solved), residual)
+
+
+def _solved(block: Harmonic, Q: np.ndarray, R: np.ndarray) -> Riccati:
+    try:
+        return care(block.A, block.B, Q, R)
+    except SynthesisError as fault:
+        raise SynthesisError(f"harmonic {block.k}: {fault}") from fault
+
+
+def _whole_residual(linear: HarmonicModel, lefts: list[float], terms: list[tuple[float, ...]]) -> float:
+    copies = np.array([block.copies for block in linear.blocks])
+    return float(np.sqrt(copies @ np.square(lefts)) / np.sqrt(copies @ np.square(terms)).sum())
+
+
+def _left(block: Harmonic, Q: np.ndarray, R: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
+    B = block.B
+    return continuous_left(block.A, B @ np.linalg.solve(R, B.conj().T), Q, P)
+
+
+def _stable(block: Harmonic, K: np.ndarray, P: np.ndarray) -> bool:
+    """Whether A - BK is stable: P > 0 and (A - BK)*P + P(A - BK) < 0 prove it, the eigenvalues decide otherwise."""
+    loop = block.A - block.B @ K
+    decay = P @ loop
+    try:
+        np.linalg.cholesky(P)
+        np.linalg.cholesky(-(decay + decay.conj().T))
+    except np.linalg.LinAlgError:
+        return bool(np.linalg.eigvals(loop).real.max() < 0)
+    return True
+
+
+def _stable_sampled(block: Harmonic, K: np.ndarray, dt: float) -> bool:
+    """Whether powers of the sampled loop vanish: commands arrive one period late."""
+    A, B = sample_ramped(block.A, block.B, dt).with_input_state()
+    power = A - B @ np.hstack([K, np.zeros((len(K), len(K)))])
+    for _ in range(_SQUARINGS):
+        size = np.linalg.norm(power)
+        if size < 1 or not size < 1e100:
+            return bool(size < 1)
+        power = power @ power
+    return False
