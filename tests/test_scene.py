@@ -179,7 +179,7 @@ SENTENCES = [
     ({"lgr": {}}, "lgr is no key of a scene; did you mean lqr?"),
     (
         {"controllability": {"grid": 1}},
-        "controllability.grid is no key of a scene; expected an empty section.",
+        "controllability.grid is no key of a scene; expected one of horizon.",
     ),
     (
         {"simulation": {"t_end": 1, "controller": "lqr"}},

@@ -1,5 +1,7 @@
 """What can be known: which modes tendons drive and outputs see, and how far rest lengths reach."""
 
+from tensctl.analysis.energies import ReachEnergies
+from tensctl.analysis.gramian import Gramian, controllability_gramian, observability_gramian
 from tensctl.analysis.influence import static_influence, tension_influence
 from tensctl.analysis.krylov import KrylovRank
 from tensctl.analysis.modal import controllability, observability
@@ -8,13 +10,17 @@ from tensctl.analysis.study import Study
 from tensctl.analysis.verdict import ModalReport, ModeVerdict
 
 __all__ = [
+    "Gramian",
     "KrylovRank",
     "ModalReport",
     "ModeVerdict",
     "Reach",
+    "ReachEnergies",
     "Study",
     "controllability",
+    "controllability_gramian",
     "observability",
+    "observability_gramian",
     "static_influence",
     "tension_influence",
 ]

@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+
+from tensctl.analysis.energies import ReachEnergies
 from tensctl.analysis.reach import Reach
 from tensctl.analysis.study import Study
 from tensctl.analysis.verdict import ModalReport
@@ -21,6 +24,7 @@ def record(study: Study) -> dict:
         "reach": _reach(study.reach),
         "control_ctrb": None if study.krylov is None else {"rank": study.krylov.rank, "states": study.krylov.states},
         "observability": None if study.observability is None else _modes(study.observability, None),
+        "energies": None if study.energies is None else _energies(study.energies),
     }
     return {name: part for name, part in parts.items() if part is not None}
 
@@ -47,6 +51,21 @@ def _modes(report: ModalReport, hautus: list[float] | None) -> list[dict]:
         }
         found.append(entry if hautus is None else entry | {"distance_over_A_and_B": hautus[k]})
     return found
+
+
+def _energies(energies: ReachEnergies) -> dict:
+    return {
+        "horizon_s": energies.gramian.horizon,
+        "spread": finite(energies.gramian.spread),
+        "residual": energies.gramian.residual,
+        "Js_per_unit_of_output": dict(zip(energies.labels, map(finite, energies.outputs.tolist()), strict=True)),
+        "Js_per_joule_of_mode": dict(zip(map(str, energies.modes), map(finite, energies.joules.tolist()), strict=True)),
+    }
+
+
+def finite(value: float) -> float | None:
+    """The number, or None where it is infinite: JSON has no word for that."""
+    return value if np.isfinite(value) else None
 
 
 def _reach(reach: Reach) -> dict:

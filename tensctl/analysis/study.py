@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from tensctl.analysis.energies import ReachEnergies
 from tensctl.analysis.krylov import KrylovRank, krylov_rank
 from tensctl.analysis.modal import controllability, observability
 from tensctl.analysis.reach import Reach
@@ -32,6 +33,8 @@ class Study:
         What `control.ctrb` says, for small models.
     observability : ModalReport or None
         Where the linear model has outputs.
+    energies : ReachEnergies or None
+        With a horizon.
     """
 
     linear: LinearModel
@@ -39,6 +42,7 @@ class Study:
     reach: Reach
     krylov: KrylovRank | None
     observability: ModalReport | None
+    energies: ReachEnergies | None = None
 
     @classmethod
     def of(cls, linear: LinearModel, asked: ControllabilityStage | None = None) -> Study:
@@ -50,6 +54,7 @@ class Study:
             reach=Reach(linear),
             krylov=krylov_rank(linear),
             observability=observability(linear) if linear.outputs else None,
+            energies=None if asked.horizon is None else ReachEnergies.of(linear, asked.horizon),
         )
 
     @property
@@ -68,6 +73,8 @@ class Study:
         self.reach.verify(tol)
         if self.hautus is not None:
             self.controllability.verify(tol)
+        if self.energies is not None:
+            self.energies.verify(tol)
 
     def __str__(self) -> str:
         """Tables and sentences for the terminal."""

@@ -24,6 +24,8 @@ def as_text(study: Study) -> str:
     parts = [modes_table(study.controllability, study.hautus), _DISTANCES, str(study.reach)]
     if study.krylov is not None:
         parts.append(str(study.krylov))
+    if study.energies is not None:
+        parts.append(str(study.energies))
     if study.observability is not None:
         parts.append(modes_table(study.observability, None))
     return "\n\n".join(parts)

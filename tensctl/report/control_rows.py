@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensctl.report.case import Case
+from tensctl.report.tables import share_of_largest
 
 if TYPE_CHECKING:
-    from tensctl.analysis import ModalReport, ModeVerdict
+    from tensctl.analysis import ModalReport, ModeVerdict, ReachEnergies
 
 _SHOWN = 4
 
@@ -74,3 +75,22 @@ def _key(mode: ModeVerdict) -> tuple:
 def hautus_of(case: Case) -> np.ndarray | None:
     """Distances over A and B, where the case has them."""
     return None if case.study is None else case.study.hautus
+
+
+Cost = tuple[str, float, float]
+
+
+def cost_rows(energies: ReachEnergies) -> list[tuple[str, str, list[Cost]]]:
+    """Tables of outputs and modes, cheapest first: title, unit, rows of label, cost and share of the dearest."""
+    names = tuple(f"mode {index}" for index in energies.modes)
+    tables = (
+        ("Output", "J s per squared unit", energies.labels, energies.outputs),
+        ("Mode", "J s per joule", names, energies.joules),
+    )
+    found = []
+    for title, unit, labels, values in tables:
+        shares = share_of_largest(tuple(values.tolist()))
+        order = np.argsort(values, kind="stable")
+        if len(order):
+            found.append((title, unit, [(labels[k], float(values[k]), shares[k]) for k in order]))
+    return found

@@ -37,6 +37,8 @@ class LinearizeStage(Section):
 class ControllabilityStage(Section):
     """`[controllability]`: which tendons move what, and what no tendon moves."""
 
+    horizon: Annotated[float | None, Number("s", above=0)] = None
+
 
 class LqrStage(Section):
     """`[lqr]`: weights of the modes' energy and of the inputs."""
