@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         SynthesisError,
         TensctlError,
     )
-    from tensctl.linear import HarmonicModel, LinearModel, harmonics, linearize
+    from tensctl.linear import HarmonicModel, LinearModel, Mix, SecondOrder, harmonics, linearize
     from tensctl.model import Dynamics, build_dynamics
     from tensctl.pipeline import run
     from tensctl.scene import Scene, load_scene
@@ -80,7 +80,7 @@ _HOME = {
         "SynthesisError",
         "TensctlError",
     ),
-    "tensctl.linear": ("HarmonicModel", "LinearModel", "harmonics", "linearize"),
+    "tensctl.linear": ("HarmonicModel", "LinearModel", "Mix", "SecondOrder", "harmonics", "linearize"),
     "tensctl.model": ("Dynamics", "build_dynamics"),
     "tensctl.pipeline": ("run",),
     "tensctl.scene": ("Scene", "load_scene"),
@@ -139,6 +139,7 @@ __all__ = [
     "LinearModel",
     "LinearizationError",
     "Measurement",
+    "Mix",
     "ModalReport",
     "OutputError",
     "Push",
@@ -148,6 +149,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Schedule",
+    "SecondOrder",
     "ShapePath",
     "SimulationError",
     "Stability",

@@ -165,7 +165,8 @@ SENTENCES = [
     ),
     (
         {"linearize": {"outputs": ["angle"]}},
-        'linearize.outputs[0] is "angle"; expected "nodes", "lengths" or "tensions".',
+        'linearize.outputs[0] is "angle"; expected "nodes", "velocities", "lengths", "tensions", or some of these by '
+        'label such as "nodes:P4_*".',
     ),
     (
         {"linearize": {"outputs": ["nodes"] * 2}},
@@ -357,7 +358,12 @@ scenes = st.fixed_dictionaries(
         "gravity": st.fixed_dictionaries({"g": number | vector}),
         "loads": st.dictionaries(pattern, vector, max_size=3),
         "drag": st.fixed_dictionaries({"coefficient": positive | ratio}),
-        "linearize": st.fixed_dictionaries({"outputs": st.permutations(["nodes", "lengths"])}),
+        "linearize": st.fixed_dictionaries(
+            {
+                "outputs": st.permutations(["nodes", "lengths", "tensions:t5_*"]),
+                "mix": st.just({"up": {"P4_1_1_z": 0.5}}),
+            }
+        ),
         "lqr": st.just({}),
         "mpc": st.just({}),
         "report": st.just({}),

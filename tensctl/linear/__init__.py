@@ -3,17 +3,22 @@
 from tensctl.linear.frame import Frame, best_fit
 from tensctl.linear.harmonic import HarmonicModel, harmonics
 from tensctl.linear.harmonic_block import Harmonic
-from tensctl.linear.model import LinearModel, linearize
+from tensctl.linear.linearize import linearize
+from tensctl.linear.model import LinearModel
 from tensctl.linear.modes import Mode
+from tensctl.linear.outputs import Mix
 from tensctl.linear.sampling import Sampled, sample_ramped
+from tensctl.linear.second_order import SecondOrder
 
 __all__ = [
     "Frame",
     "Harmonic",
     "HarmonicModel",
     "LinearModel",
+    "Mix",
     "Mode",
     "Sampled",
+    "SecondOrder",
     "best_fit",
     "harmonics",
     "linearize",

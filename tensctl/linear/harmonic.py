@@ -19,11 +19,11 @@ from jaxtyping import Float, Inexact
 
 from tensctl.errors import LinearizationError
 from tensctl.linear.frame import best_fit
-from tensctl.linear.harmonic_block import Harmonic
+from tensctl.linear.harmonic_block import Harmonic, Shown
 from tensctl.linear.harmonic_find import linear_symmetry
 from tensctl.linear.harmonic_map import HarmonicMap
-from tensctl.linear.model import LinearModel, check_point
-from tensctl.linear.outputs import Output
+from tensctl.linear.linearize import checked_point
+from tensctl.linear.model import LinearModel
 from tensctl.model import Dynamics
 from tensctl.statics import Equilibrium
 from tensctl.statics.sector import Sector
@@ -123,14 +123,14 @@ class HarmonicModel:
         ----------
         weights : {"nodes", "lengths" or "tensions": number, or one number for each output of a sector}
         """
-        unknown = [kind for kind in weights if kind not in get_args(Output)]
+        unknown = [kind for kind in weights if kind not in get_args(Shown)]
         if unknown:
-            raise LinearizationError(f'output "{unknown[0]}" is unknown; choose from {", ".join(get_args(Output))}.')
+            raise LinearizationError(f'output "{unknown[0]}" is unknown; choose from {", ".join(get_args(Shown))}.')
         result = []
         for block in self.blocks:
             Q = np.zeros((block.nx, block.nx), block.shapes.dtype)
             for kind, weight in weights.items():
-                C = block.C(cast(Output, kind))
+                C = block.C(cast(Shown, kind))
                 Q = Q + C.conj().T @ (np.broadcast_to(weight, len(C))[:, None] * C)
             result.append(0.5 * (Q + Q.conj().T))
         return result
@@ -168,7 +168,7 @@ def harmonics(dynamics: Dynamics, equilibrium: Equilibrium, *, tol: float = 1e-9
     LinearizationError
         When the sectors differ, and where `linearize` would refuse.
     """
-    check_point(dynamics, equilibrium)
+    checked_point(dynamics, equilibrium)
     symmetry = linear_symmetry(dynamics, equilibrium, tol)
     sector = Sector.of(equilibrium.potential, symmetry, equilibrium.rest_lengths)
     point = sector.at(sector.restrict(equilibrium.nodes))

@@ -12,16 +12,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Inexact
 
 from tensctl.linear.harmonic_map import is_real
-from tensctl.linear.outputs import Output
 from tensctl.model import Dynamics
 from tensctl.statics.harmonics import rigid_motion
 from tensctl.statics.lowest import across
 from tensctl.statics.sector import SectorPoint
+
+Shown = Literal["nodes", "lengths", "tensions"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +131,7 @@ class Harmonic:
         drive = self.drive
         return np.vstack([np.zeros_like(drive), drive])
 
-    def C(self, kind: Output) -> Inexact[np.ndarray, "y nx"]:
+    def C(self, kind: Shown) -> Inexact[np.ndarray, "y nx"]:
         """Output matrix of the sector's free node components, tendon lengths or tensions."""
         if kind == "nodes":
             free = self.point.sector.potential.structure.free[self.point.sector.symmetry.nodes[0]].ravel()
@@ -141,7 +143,7 @@ class Harmonic:
         slope = self._slopes[0]
         return np.hstack([slope[:, None] * stretch / self.scales, self.dampers[:, None] * stretch])
 
-    def D(self, kind: Output) -> Float[np.ndarray, "y p"]:
+    def D(self, kind: Shown) -> Float[np.ndarray, "y p"]:
         """Feedthrough: tensions answer to their own rest length at once."""
         acting = self.acting
         if kind == "tensions":

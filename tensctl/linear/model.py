@@ -7,29 +7,31 @@ With mass-normalised modes eta, omega^2 and damping Z = Phi' C Phi, the state x 
 so |x|^2/2 is the energy of a flexible mode. Modes without stiffness (rigid-body, mechanism, unstable) take the lowest
 flexible omega as s. Projected on the rods' manifold, with the rods' compression in H, nothing of it is approximate,
 and no length constraint leaves a spurious zero eigenvalue.
+
+Nothing depends on the position of a rigid-body mode, so the flexible model leaves it out. Drag couples the rates of
+rigid-body motion to flexible ones, so where there is drag the flexible model keeps these rates as its last states.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from tensctl.errors import LinearizationError
 from tensctl.linear.frame import Frame, best_fit
-from tensctl.linear.modes import Mode, find_modes
-from tensctl.linear.outputs import Output, OutputMap, output_map, safe_label
-from tensctl.model import Dynamics, damping_matrix
+from tensctl.linear.modes import Mode, Modes
+from tensctl.linear.outputs import Output, OutputMap, output_map
+from tensctl.linear.second_order import SecondOrder, second_order
+from tensctl.model import Dynamics
 from tensctl.statics import Equilibrium, stretch_map
 
 if TYPE_CHECKING:
     import control
-
-# A tendon whose stretch is below this part of its length stands on the slack boundary.
-_BOUNDARY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,31 +43,50 @@ class LinearModel:
     dynamics : Dynamics
     equilibrium : Equilibrium
         The point of linearisation; states, inputs and outputs are deviations from it.
-    modes : tuple of Mode
+    modes : tuple of Mode, or Modes
+        Found when first asked for.
     outputs_map : OutputMap
+    loaded : (nw,) int
+        Nodes whose loads are the disturbance inputs.
+    drifting : tuple of Mode
+        Rigid-body modes of which only the rates are states.
     """
 
     dynamics: Dynamics
     equilibrium: Equilibrium
-    modes: tuple[Mode, ...]
+    modes: Modes | tuple[Mode, ...]
     outputs_map: OutputMap
+    loaded: Int[np.ndarray, " loads"] = field(default_factory=lambda: np.zeros(0, int))
+    drifting: tuple[Mode, ...] = ()
 
     @cached_property
-    def _columns(self) -> np.ndarray:
-        return np.array([mode.index for mode in self.modes], int)
+    def sparse(self) -> SecondOrder:
+        """Second-order form of the whole structure in tangent coordinates, sparse, at any size: no modes needed."""
+        return second_order(self.dynamics, self.equilibrium, self.outputs_map, self.loaded)
 
     @cached_property
-    def order(self) -> np.ndarray:
-        """Positions of (s eta, eta') in x: rigid-body modes stand before the flexible ones, each part in full."""
+    def order(self) -> Int[np.ndarray, " nx"]:
+        """Positions of (s eta, eta') in x: rigid-body modes stand before the flexible ones, each part in full.
+
+        The rates of drifting modes stand last, in both.
+        """
         rigid = np.array([mode.kind == "rigid-body" for mode in self.modes], bool)
-        k = np.arange(len(self.modes))
-        parts = [k[rigid], k[rigid] + k.size, k[~rigid], k[~rigid] + k.size]
+        k, last = np.arange(len(self.modes)), np.arange(len(self.drifting))
+        parts = [k[rigid], k[rigid] + k.size, k[~rigid], k[~rigid] + k.size, 2 * k.size + last]
         return np.concatenate(parts).astype(int)
 
     @cached_property
     def shapes(self) -> Float[np.ndarray, "size modes"]:
         """Mass-normalised mode shapes in tangent coordinates."""
-        return self.equilibrium.spectrum.shapes[:, self._columns]
+        return self._shapes_of(self.modes)
+
+    @cached_property
+    def _moving(self) -> np.ndarray:
+        """Shapes of all rates that are states."""
+        return np.hstack([self.shapes, self._shapes_of(self.drifting)])
+
+    def _shapes_of(self, modes: Sequence[Mode]) -> np.ndarray:
+        return self.equilibrium.spectrum.shapes[:, np.array([mode.index for mode in modes], int)]
 
     @cached_property
     def scales(self) -> Float[np.ndarray, " modes"]:
@@ -79,37 +100,39 @@ class LinearModel:
     def A(self) -> Float[np.ndarray, "nx nx"]:
         """State matrix, 1/s."""
         omega2 = np.array([0.0 if m.kind == "rigid-body" else m.omega2 for m in self.modes])
-        s, zero = self.scales, np.zeros((len(self.modes), len(self.modes)))
-        damping = zero
+        count, rates = len(self.modes), self._moving.shape[1]
+        full = np.zeros((count + rates, count + rates))
+        full[np.arange(count), count + np.arange(count)] = self.scales
+        full[count + np.arange(count), np.arange(count)] = -omega2 / self.scales
         if self.dynamics.damped:
-            C = damping_matrix(self.equilibrium.point, self.dynamics.damping, self.dynamics.drag)
-            damping = self.shapes.T @ (C @ self.shapes)
-        full = np.block([[zero, np.diag(s)], [np.diag(-omega2 / s), -damping]])
+            full[count:, count:] = -(self._moving.T @ (self.sparse.C @ self._moving))
         return full[np.ix_(self.order, self.order)]
 
     @cached_property
     def B(self) -> Float[np.ndarray, "nx nu"]:
-        """Input matrix: rest-length shortening of the acting tendons, m."""
-        drive = self.shapes.T @ self.equilibrium.point.input_map[:, self.dynamics.members.inputs].toarray()
-        return np.vstack([np.zeros_like(drive), drive])[self.order]
+        """Input matrix: rest-length shortening u, m."""
+        return self._driven(self.sparse.G)
 
     @cached_property
     def E(self) -> Float[np.ndarray, "nx nw"]:
-        """Disturbance matrix: forces on the pushed nodes, N, without z in a plane."""
-        rows = (3 * self.dynamics.members.pushed[:, None] + np.arange(self.dynamics.structure.dimension)).ravel()
-        drive = self.shapes.T @ self.equilibrium.point.tangent[rows].toarray().T
-        return np.vstack([np.zeros_like(drive), drive])[self.order]
+        """Disturbance matrix: forces on the chosen nodes, N, without z in a plane."""
+        return self._driven(self.sparse.W)
+
+    def _driven(self, force) -> np.ndarray:
+        """How forces in tangent coordinates, one a column, drive the states."""
+        rates = (force.T @ self._moving).T
+        return np.vstack([np.zeros((len(self.modes), rates.shape[1])), rates])[self.order]
 
     @cached_property
     def C(self) -> Float[np.ndarray, "ny nx"]:
         """Output matrix."""
         position = self.outputs_map.position @ self.shapes / self.scales
-        return np.hstack([position, self.outputs_map.rate @ self.shapes])[:, self.order]
+        return np.hstack([position, self.outputs_map.rate @ self._moving])[:, self.order]
 
     @cached_property
     def D(self) -> Float[np.ndarray, "ny nu"]:
         """Feedthrough: tensions answer to their own rest length at once."""
-        return self.outputs_map.feedthrough[:, self.dynamics.members.inputs]
+        return self.sparse.F.toarray()
 
     @cached_property
     def stretch(self) -> Float[np.ndarray, "nt modes"]:
@@ -121,23 +144,37 @@ class LinearModel:
         """State labels: `q7`, `v7` are omega eta and eta' of mode 7; rigid-body modes are `rq1`, `rv1`."""
         names = [("r" if m.kind == "rigid-body" else "", m.index + 1) for m in self.modes]
         both = [f"{r}q{k}" for r, k in names] + [f"{r}v{k}" for r, k in names]
+        both += [f"rv{mode.index + 1}" for mode in self.drifting]
         return tuple(both[i] for i in self.order)
 
-    @cached_property
+    @property
     def inputs(self) -> tuple[str, ...]:
         """Input labels: `u_` and the tendon's label."""
-        return tuple(f"u_{safe_label(label)}" for label in self.dynamics.input_labels)
+        return self.sparse.inputs
+
+    @property
+    def disturbances(self) -> tuple[str, ...]:
+        """Labels of the loads w, the columns of E: `w_P4_1_1_x`."""
+        return self.sparse.disturbances
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Output labels: `P4_1_1_x`, `l_t5_1_1`, `T_t5_1_1`."""
+        """Output labels: `P4_1_1_x`, `v_P4_1_1_x`, `l_t5_1_1`, `T_t5_1_1`, or the names of a mix."""
         return self.outputs_map.labels
 
     @cached_property
     def flexible(self) -> LinearModel:
-        """The model without rigid-body modes: what LQR, Gramians and MPC take."""
+        """The model without rigid-body modes: what LQR, Gramians and MPC take.
+
+        Under drag the rigid-body rates stay: they drive flexible modes and are driven by them.
+        """
         kept = tuple(mode for mode in self.modes if mode.kind != "rigid-body")
-        return LinearModel(self.dynamics, self.equilibrium, kept, self.outputs_map)
+        rigid = tuple(mode for mode in self.modes if mode.kind == "rigid-body")
+        return replace(self, modes=kept, drifting=(rigid or self.drifting) if self.dynamics.drag > 0 else ())
+
+    def showing(self, outputs: Sequence[Output]) -> LinearModel:
+        """The same model with other outputs."""
+        return replace(self, outputs_map=output_map(self.dynamics, self.equilibrium, outputs))
 
     def frame(self, nodes: Float[np.ndarray, "nodes 3"], velocities: Float[np.ndarray, "nodes 3"]) -> Frame | None:
         """The co-moving frame of a free structure; None when the ground holds anything of it."""
@@ -150,26 +187,38 @@ class LinearModel:
     ) -> Float[np.ndarray, " nx"]:
         """State x of the nonlinear structure: great-circle chart about the equilibrium, in the co-moving frame.
 
-        A sub-model without rigid-body modes sees a free structure from its co-moving frame; the full model of a
-        free structure measures in the world.
+        A sub-model without rigid-body modes sees a free structure from its co-moving frame, with the rates of drifting
+        modes along its axes; the full model of a free structure measures in the world.
         """
         frame = None if any(m.kind == "rigid-body" for m in self.modes) else self.frame(nodes, velocities)
+        seen, rates, drift = nodes, velocities, velocities
         if frame is not None:
-            nodes, velocities = frame.nodes(nodes), frame.velocities(nodes, velocities)
-        manifold, members = self.equilibrium.potential.manifold, self.dynamics.members
-        weight = manifold.mass(members.mass)
-        xi = manifold.logarithm(self.equilibrium.nodes, nodes)
-        rate = manifold.velocity(self.equilibrium.nodes, nodes, velocities)
-        eta, speed = self.shapes.T @ (weight * xi), self.shapes.T @ (weight * rate)
-        return np.concatenate([self.scales * eta, speed])[self.order]
+            seen, rates, drift = frame.nodes(nodes), frame.velocities(nodes, velocities), velocities @ frame.rotation
+        manifold, at = self.equilibrium.potential.manifold, self.equilibrium.nodes
+        weight = manifold.mass(self.dynamics.members.mass)
+        eta = self.shapes.T @ (weight * manifold.logarithm(at, seen))
+        parts = [self.scales * eta, self.shapes.T @ (weight * manifold.velocity(at, seen, rates))]
+        if self.drifting:
+            parts.append(self._shapes_of(self.drifting).T @ (weight * manifold.velocity(at, seen, drift)))
+        return np.concatenate(parts)[self.order]
 
-    def to_statespace(self) -> control.StateSpace:
-        """The model as a labelled `control.StateSpace`; keep labels with `copy_names=True` when converting it."""
+    def to_statespace(self, *, disturbances: bool = False) -> control.StateSpace:
+        """The model as a labelled `control.StateSpace`; keep labels with `copy_names=True` when converting it.
+
+        Parameters
+        ----------
+        disturbances : bool
+            Whether the loads w follow the inputs u, as further inputs.
+        """
         import control
 
+        B, D, inputs = self.B, self.D, self.inputs
+        if disturbances:
+            B, inputs = np.hstack([B, self.E]), inputs + self.disturbances
+            D = np.hstack([D, np.zeros((len(self.outputs), len(self.disturbances)))])
         system = control.ss(
-            self.A, self.B, self.C, self.D,
-            inputs=list(self.inputs), outputs=list(self.outputs), states=list(self.states), name="tensctl_linear",
+            self.A, B, self.C, D,
+            inputs=list(inputs), outputs=list(self.outputs), states=list(self.states), name="tensctl_linear",
         )  # fmt: skip
         assert isinstance(system, control.StateSpace)
         return system
@@ -190,78 +239,3 @@ class LinearModel:
         misfit = max(np.abs(gram).max(initial=0.0), np.abs(stiff).max(initial=0.0) / scale)
         if misfit > tol:
             raise LinearizationError(f"the modes miss the Hessian by {misfit:.1e} of its size; {tol:.0e} is expected.")
-
-
-def linearize(
-    dynamics: Dynamics, equilibrium: Equilibrium, *, outputs: tuple[Output, ...] | list[Output] = ("nodes", "tensions")
-) -> LinearModel:
-    """Linearise a model about an equilibrium, exactly, on the rods' manifold.
-
-    Parameters
-    ----------
-    dynamics : Dynamics
-    equilibrium : Equilibrium
-        Of the same structure.
-    outputs : sequence of "nodes", "lengths", "tensions"
-        Outputs of C and D, in this order.
-
-    Raises
-    ------
-    LinearizationError
-        When a tendon stands on the slack boundary, where the structure has no single linear model, or for an
-        unknown output.
-    """
-    unknown = [kind for kind in outputs if kind not in ("nodes", "lengths", "tensions")]
-    if unknown:
-        raise LinearizationError(f'output "{unknown[0]}" is unknown; choose from nodes, lengths, tensions.')
-    check_point(dynamics, equilibrium)
-    if not equilibrium.spectrum.complete:
-        raise LinearizationError(
-            f"the structure has {equilibrium.potential.manifold.size} degrees of freedom, too many for modes; "
-            "its lowest frequencies are in equilibrium.omega2."
-        )
-    return LinearModel(
-        dynamics, equilibrium, find_modes(equilibrium), output_map(dynamics, equilibrium, tuple(outputs))
-    )
-
-
-def check_point(dynamics: Dynamics, equilibrium: Equilibrium) -> None:
-    """Refuse a point that the dynamics has no linear model about.
-
-    Raises
-    ------
-    LinearizationError
-        For an equilibrium of other members, on the slack boundary, or all slack.
-    """
-    if not _same(dynamics, equilibrium):
-        raise LinearizationError(
-            "the equilibrium belongs to another structure or other materials; make it and the dynamics from one scene."
-        )
-    stretch = equilibrium.lengths - equilibrium.rest_lengths
-    edge = np.abs(stretch) <= _BOUNDARY * equilibrium.lengths
-    edge &= ~dynamics.structure.grounded_tendons
-    if edge.any() and not equilibrium.point.at_ease:
-        label = dynamics.structure.tendon_labels[int(edge.argmax())]
-        raise LinearizationError(
-            f"tendon {label} is {stretch[edge.argmax()]:.1e} m from slack, so the structure has two linear models "
-            "here; change its rest length a little."
-        )
-    if equilibrium.point.at_ease:
-        raise LinearizationError("every tendon is slack, so nothing holds the shape; shorten the rest lengths.")
-
-
-def _same(dynamics: Dynamics, equilibrium: Equilibrium) -> bool:
-    """Whether both speak of the same members, materials and loads."""
-    ours, theirs = dynamics.potential, equilibrium.potential
-    if ours is theirs:
-        return True
-    pairs = (
-        (ours.structure.rods, theirs.structure.rods),
-        (ours.structure.segments, theirs.structure.segments),
-        (ours.structure.segment_tendon, theirs.structure.segment_tendon),
-        (ours.structure.held, theirs.structure.held),
-        (ours.members.stiffness, theirs.members.stiffness),
-        (ours.members.mass, theirs.members.mass),
-        (ours.members.forces, theirs.members.forces),
-    )
-    return ours.members.law == theirs.members.law and all(np.array_equal(a, b) for a, b in pairs)

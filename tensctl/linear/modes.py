@@ -1,23 +1,34 @@
 """Modes of vibration: mass-normalised shapes, named and grouped.
 
 H phi = omega^2 M phi,   phi' M phi = 1
+
+Flexible modes in ascending order belong to one repeated frequency as long as each gap to the next is at most
+
+    omega2_(k+1) - omega2_k  <=  repeated * omega2_(k+1) + tolerance
+
+with `repeated` chosen by the user and `tolerance` the eigenvalues' own rounding. Inside a group single shapes mean
+nothing, the space that they span does. A symmetry broken by delta opens a gap of order delta * omega2, so groups part
+at delta of about `repeated`; what is said of a group as a whole changes by delta only.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from typing import Literal, SupportsIndex, overload
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from tensctl.errors import LinearizationError
 from tensctl.statics import Equilibrium, Spectrum
+from tensctl.statics.stability import ALL_MODES
 
 Kind = Literal["rigid-body", "flexible", "mechanism", "unstable"]
 
-# Frequencies whose squares differ by less than this part of themselves, plus the eigenvalue solver's own rounding,
-# are one repeated frequency: cyclic structures have many, and inside such a cluster single shapes mean nothing.
-_SAME = 1e-9
+REPEATED = 1e-9
+"""Default gap below which squared frequencies are one: far above rounding, far below what parts a real structure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +62,50 @@ class Mode:
     shape: Float[np.ndarray, "nodes 3"]
 
 
-def find_modes(equilibrium: Equilibrium) -> tuple[Mode, ...]:
+class Modes(Sequence):
+    """All modes about an equilibrium, found when first looked at: rigid-body motions first, the others ascending.
+
+    Parameters
+    ----------
+    repeated : float
+        Gap, as a part of omega^2, up to which frequencies count as one (see the module's rule).
+    """
+
+    def __init__(self, equilibrium: Equilibrium, repeated: float = REPEATED) -> None:
+        self._equilibrium, self._repeated = equilibrium, repeated
+
+    @cached_property
+    def _all(self) -> tuple[Mode, ...]:
+        size = self._equilibrium.potential.manifold.size
+        if size > ALL_MODES:
+            raise LinearizationError(
+                f"the structure has {size} degrees of freedom, and all modes are found up to {ALL_MODES}; take "
+                "linear.sparse, which needs none, the lowest frequencies of equilibrium.omega2, or the harmonic model "
+                "of a cyclically symmetric structure."
+            )
+        return find_modes(self._equilibrium, self._repeated)
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> Mode: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Mode, ...]: ...
+    def __getitem__(self, index: SupportsIndex | slice) -> Mode | tuple[Mode, ...]:
+        """One mode, or several."""
+        return self._all[index]
+
+    def __len__(self) -> int:
+        """Degrees of freedom."""
+        return len(self._all)
+
+    def __iter__(self) -> Iterator[Mode]:
+        """Mode by mode."""
+        return iter(self._all)
+
+
+def find_modes(equilibrium: Equilibrium, repeated: float = REPEATED) -> tuple[Mode, ...]:
     """All modes about an equilibrium: rigid-body motions first, the others ascending."""
     spectrum = equilibrium.spectrum
-    clusters = _clusters(spectrum)
+    clusters = group_modes(spectrum, repeated)
     sizes = np.bincount(clusters) if clusters.size else clusters
     shapes = (equilibrium.point.tangent @ spectrum.shapes).T.reshape(-1, len(equilibrium.nodes), 3)
     return tuple(
@@ -82,10 +133,16 @@ def _kinds(spectrum: Spectrum) -> list[Kind]:
     return kinds
 
 
-def _clusters(spectrum: Spectrum) -> np.ndarray:
-    """Group number of each mode; rigid-body motions are one group."""
+def group_modes(spectrum: Spectrum, repeated: float = REPEATED) -> Int[np.ndarray, " modes"]:
+    """Group number of each mode by the gap rule; rigid-body motions are one group.
+
+    Parameters
+    ----------
+    repeated : float, >= 0
+        Gap, as a part of omega^2, up to which two neighbours are one frequency.
+    """
     flexible = spectrum.omega2[spectrum.rigid_count :]
-    gap = np.diff(flexible) > _SAME * np.abs(flexible[1:]) + spectrum.tolerance
+    gap = np.diff(flexible) > repeated * np.abs(flexible[1:]) + spectrum.tolerance
     first = int(spectrum.rigid_count > 0)
     tail = first + np.concatenate([[0], np.cumsum(gap)]) if flexible.size else np.zeros(0)
     return np.concatenate([np.zeros(spectrum.rigid_count), tail]).astype(int)

@@ -124,12 +124,16 @@ def _held(equilibrium: Equilibrium, scene: Scene) -> Equilibrium:
 
 
 def _linearize(results: Results, clock: _Clock) -> Results:
-    from tensctl.linear import linearize
+    from tensctl.linear import Mix, linearize
 
     assert results.dynamics is not None
     asked = results.scene.linearize
     with clock.stage("linear model"):
-        linear = linearize(results.dynamics, results.equilibrium, outputs=() if asked is None else asked.outputs)
+        if asked is None:
+            return replace(results, linear=linearize(results.dynamics, results.equilibrium, outputs=()))
+        mixes = () if asked.mix is None else (Mix(asked.mix),)
+        outputs = (*asked.outputs, *mixes)
+        linear = linearize(results.dynamics, results.equilibrium, outputs=outputs, on_boundary=asked.on_boundary)
     return replace(results, linear=linear)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +33,7 @@ def frequencies(linear: LinearModel | None) -> Plot | None:
     return draw("modes", label, lambda axes: _paint(axes, linear.modes), SHEET)
 
 
-def _paint(axes: Axes, modes: tuple[Mode, ...]) -> None:
+def _paint(axes: Axes, modes: Sequence[Mode]) -> None:
     index = np.array([mode.index for mode in modes])
     frequency = np.nan_to_num([mode.frequency for mode in modes])
     kinds = np.array([mode.kind for mode in modes])
@@ -57,7 +58,7 @@ def _paint(axes: Axes, modes: tuple[Mode, ...]) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, frameon=False, borderaxespad=0, handlelength=1)
 
 
-def _clusters(axes: Axes, modes: tuple[Mode, ...], *, written: bool) -> None:
+def _clusters(axes: Axes, modes: Sequence[Mode], *, written: bool) -> None:
     """A bracket over the modes that repeat one frequency, with their number when there is room to read it."""
     top = axes.get_ylim()[1]
     groups: dict[int, list[Mode]] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,7 @@ class ModeRow:
     multiplicity: int
 
 
-def mode_rows(modes: tuple[Mode, ...]) -> tuple[ModeRow, ...]:
+def mode_rows(modes: Sequence[Mode]) -> tuple[ModeRow, ...]:
     """One row for each run of neighbouring modes that repeat one eigenvalue and carry the same name."""
     rows: list[list[tuple[int, Mode]]] = []
     for place, mode in enumerate(modes):

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from tensctl.scene.complaint import complaint, shown
 from tensctl.scene.section import Section
-from tensctl.scene.values import Number, Numbers, Text, Vector
+from tensctl.scene.tables import Table
+from tensctl.scene.values import KindOf, Number, Numbers, Text, Vector
 
-Output = Literal["nodes", "lengths", "tensions"]
+Output = Annotated[str, KindOf("nodes", "velocities", "lengths", "tensions", example="nodes:P4_*")]
 Tolerance = Annotated[float, Number(above=0, below=1)]
 Method = Literal["splitting2", "splitting4", "splitting6", "dopri5", "rosenbrock", "cvodes", "idas"]
 
@@ -23,9 +25,15 @@ class EquilibriumStage(Section):
 
 
 class LinearizeStage(Section):
-    """`[linearize]`: the linear model at rest, with the outputs asked for."""
+    """`[linearize]`: the linear model at rest, with the outputs asked for.
+
+    An output is a kind, "tensions", or some of a kind by a pattern of labels, "tensions:t5_*"; `mix` adds weighted sums
+    of outputs by name. `on_boundary` says what a tendon on the slack boundary is taken for.
+    """
 
     outputs: tuple[Output, ...] = ("nodes", "tensions")
+    mix: Annotated[Mapping[str, Mapping[str, float]] | None, Table(Table(Number()), named=True)] = None
+    on_boundary: Literal["refuse", "taut", "slack"] = "refuse"
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:

@@ -176,6 +176,24 @@ class Choice(Value):
         return value
 
 
+class KindOf(Value):
+    """One of a few kinds, or some of a kind by a pattern of labels, `kind:pattern`."""
+
+    def __init__(self, *kinds: str, example: str) -> None:
+        self.kinds, self.example = kinds, example
+
+    @property
+    def words(self) -> str:
+        return f"{', '.join(map(shown, self.kinds))}, or some of these by label such as {shown(self.example)}"
+
+    def fits(self, value: Any) -> bool:
+        kind, colon, pattern = value.partition(":") if isinstance(value, str) else ("", "", "")
+        return kind in self.kinds and bool(pattern) == bool(colon)
+
+    def contents(self, value: Any) -> str:
+        return str(value)
+
+
 @dataclass(frozen=True)
 class Axes(Value):
     """Some of the directions x, y and z, or of those that there are."""
