@@ -12,7 +12,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from tensctl.accuracy import work_precision
-    from tensctl.analysis import ModalReport, controllability, observability
+    from tensctl.analysis import ModalReport, Move, controllability, move, observability
     from tensctl.errors import (
         EquilibriumError,
         LinearizationError,
@@ -69,7 +69,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "tensctl.accuracy": ("work_precision",),
-    "tensctl.analysis": ("ModalReport", "controllability", "observability"),
+    "tensctl.analysis": ("ModalReport", "Move", "controllability", "move", "observability"),
     "tensctl.errors": (
         "EquilibriumError",
         "LinearizationError",
@@ -120,6 +120,7 @@ _HOME = {
         "ShapePath",
         "harmonic_lqr",
         "lqr",
+        "move",
         "plan_shape",
         "weights",
     ),
@@ -141,6 +142,7 @@ __all__ = [
     "Measurement",
     "Mix",
     "ModalReport",
+    "Move",
     "OutputError",
     "Push",
     "Run",
@@ -174,6 +176,7 @@ __all__ = [
     "linearize",
     "load_scene",
     "lqr",
+    "move",
     "nearest_shape",
     "network",
     "observability",

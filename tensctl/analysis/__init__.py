@@ -5,6 +5,7 @@ from tensctl.analysis.gramian import Gramian, controllability_gramian, observabi
 from tensctl.analysis.influence import static_influence, tension_influence
 from tensctl.analysis.krylov import KrylovRank
 from tensctl.analysis.modal import controllability, observability
+from tensctl.analysis.moving import Move, move
 from tensctl.analysis.reach import Reach
 from tensctl.analysis.study import Study
 from tensctl.analysis.verdict import ModalReport, ModeVerdict
@@ -14,11 +15,13 @@ __all__ = [
     "KrylovRank",
     "ModalReport",
     "ModeVerdict",
+    "Move",
     "Reach",
     "ReachEnergies",
     "Study",
     "controllability",
     "controllability_gramian",
+    "move",
     "observability",
     "observability_gramian",
     "static_influence",

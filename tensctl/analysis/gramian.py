@@ -133,7 +133,7 @@ def _gramian(flexible: LinearModel, A: np.ndarray, B: np.ndarray, horizon: float
     if not horizon > 0:
         raise LinearizationError(f"horizon is {horizon}; expected a time > 0 s.")
     endless, damped = np.isinf(horizon), flexible.dynamics.damped
-    if endless and (not damped or np.linalg.eigvals(A).real.max(initial=-np.inf) >= 0):
+    if endless and (not damped or np.real(np.linalg.eigvals(A)).max(initial=-np.inf) >= 0):
         raise LinearizationError("an infinite horizon needs damping in every mode; give the horizon as a time in s.")
     speed = float(np.linalg.norm(A, 2)) if A.size else 0.0
     doublings = int(np.ceil(np.log2(max(horizon * speed, 1.0)))) if not endless else _DOUBLINGS
@@ -179,9 +179,9 @@ class _Turn:
         omega = np.sqrt(np.array([mode.omega2 for mode in linear.modes]) + 0j)
         s, one = linear.scales, np.arange(half)
         # cos and sin of a real or an imaginary angle; sin(w t)/w is t where w is zero.
-        cos, over = np.cos(omega * t).real, (t * np.sinc(omega * t / np.pi)).real
+        cos, over = np.real(np.cos(omega * t)), np.real(t * np.sinc(omega * t / np.pi))
         full = np.zeros((2 * half, 2 * half))
         full[one, one], full[one + half, one + half] = cos, cos
-        full[one, one + half], full[one + half, one] = s * over, -(omega**2).real / s * over
+        full[one, one + half], full[one + half, one] = s * over, -np.real(omega**2) / s * over
         sorted_ = full[np.ix_(linear.order, linear.order)]
         return sorted_.T if self._transposed else sorted_

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tensctl.analysis.energies import ReachEnergies
+from tensctl.analysis.moving import Move
 from tensctl.analysis.reach import Reach
 from tensctl.analysis.study import Study
 from tensctl.analysis.verdict import ModalReport
@@ -25,6 +26,7 @@ def record(study: Study) -> dict:
         "control_ctrb": None if study.krylov is None else {"rank": study.krylov.rank, "states": study.krylov.states},
         "observability": None if study.observability is None else _modes(study.observability, None),
         "energies": None if study.energies is None else _energies(study.energies),
+        "moves": [_move(one) for one in study.moves] or None,
     }
     return {name: part for name, part in parts.items() if part is not None}
 
@@ -60,6 +62,20 @@ def _energies(energies: ReachEnergies) -> dict:
         "residual": energies.gramian.residual,
         "Js_per_unit_of_output": dict(zip(energies.labels, map(finite, energies.outputs.tolist()), strict=True)),
         "Js_per_joule_of_mode": dict(zip(map(str, energies.modes), map(finite, energies.joules.tolist()), strict=True)),
+    }
+
+
+def _move(move: Move) -> dict:
+    return {
+        "node": move.equilibrium.structure.node_labels[move.node],
+        "by_m": move.by.tolist(),
+        "goal": move.goal,
+        "found_by": move.how,
+        "shorten_m": dict(move.tendons),
+        "not_reached_m": move.residual.tolist(),
+        "largest_other_displacement_m": float(np.delete(np.linalg.norm(move.displacements, axis=1), move.node).max()),
+        "tension_changes_N": [float(move.tension_changes.min()), float(move.tension_changes.max())],
+        "optimality": move.optimality,
     }
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from tensctl.analysis.energies import ReachEnergies
 from tensctl.analysis.krylov import KrylovRank, krylov_rank
 from tensctl.analysis.modal import controllability, observability
+from tensctl.analysis.moving import Move, move
 from tensctl.analysis.reach import Reach
 from tensctl.analysis.verdict import ModalReport
 from tensctl.linear import LinearModel
@@ -35,6 +36,8 @@ class Study:
         Where the linear model has outputs.
     energies : ReachEnergies or None
         With a horizon.
+    moves : tuple of Move
+        Which tendons to pull to move nodes.
     """
 
     linear: LinearModel
@@ -43,6 +46,7 @@ class Study:
     krylov: KrylovRank | None
     observability: ModalReport | None
     energies: ReachEnergies | None = None
+    moves: tuple[Move, ...] = ()
 
     @classmethod
     def of(cls, linear: LinearModel, asked: ControllabilityStage | None = None) -> Study:
@@ -55,6 +59,7 @@ class Study:
             krylov=krylov_rank(linear),
             observability=observability(linear) if linear.outputs else None,
             energies=None if asked.horizon is None else ReachEnergies.of(linear, asked.horizon),
+            moves=tuple(move(linear, m.node, m.by, tension_min=m.tension_min, goal=m.goal) for m in asked.move),
         )
 
     @property
@@ -75,6 +80,8 @@ class Study:
             self.controllability.verify(tol)
         if self.energies is not None:
             self.energies.verify(tol)
+        for one in self.moves:
+            one.verify()
 
     def __str__(self) -> str:
         """Tables and sentences for the terminal."""

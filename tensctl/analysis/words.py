@@ -26,6 +26,7 @@ def as_text(study: Study) -> str:
         parts.append(str(study.krylov))
     if study.energies is not None:
         parts.append(str(study.energies))
+    parts += [str(one) for one in study.moves]
     if study.observability is not None:
         parts.append(modes_table(study.observability, None))
     return "\n\n".join(parts)

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensctl.report.case import Case
+from tensctl.report.numbers import plain
 from tensctl.report.tables import share_of_largest
 
 if TYPE_CHECKING:
-    from tensctl.analysis import ModalReport, ModeVerdict, ReachEnergies
+    from tensctl.analysis import ModalReport, ModeVerdict, Move, ReachEnergies
 
 _SHOWN = 4
 
@@ -93,4 +94,28 @@ def cost_rows(energies: ReachEnergies) -> list[tuple[str, str, list[Cost]]]:
         order = np.argsort(values, kind="stable")
         if len(order):
             found.append((title, unit, [(labels[k], float(values[k]), shares[k]) for k in order]))
+    return found
+
+
+def move_title(move: Move) -> str:
+    """`P4_1_1 by (10, 0, 0) mm`."""
+    return f"{move.equilibrium.structure.node_labels[move.node]} by {millimetres(move.by)} mm"
+
+
+def millimetres(vector: np.ndarray) -> str:
+    """A vector of metres as text in millimetres."""
+    return f"({', '.join(plain(float(f'{1e3 * x:.3g}')) for x in vector)})"
+
+
+def move_rows(move: Move) -> list[tuple[str, str, list[Cost]]]:
+    """Tables of the tendons to pull and of what else moves, largest first."""
+    structure = move.equilibrium.structure
+    way = np.linalg.norm(move.displacements, axis=1)
+    way[move.node] = 0.0
+    others = [(structure.node_labels[k], float(way[k])) for k in np.argsort(-way, kind="stable") if way[k] > 0]
+    tables = (("Tendon", "shorten (+), let out (\u2212), mm", move.tendons), ("Also moves", "mm", tuple(others)))
+    found = []
+    for title, unit, rows in tables:
+        shares = share_of_largest(tuple(abs(value) for _, value in rows))
+        found.append((title, unit, [(label, 1e3 * v, s) for (label, v), s in zip(rows, shares, strict=True)]))
     return found

@@ -42,10 +42,20 @@ class LinearizeStage(Section):
         return self
 
 
+class MoveRequest(Section):
+    """`[[controllability.move]]`: which tendons to pull to move a node."""
+
+    node: Annotated[str, Text("a node label")]
+    by: Annotated[tuple[float, float, float], Vector("m")]
+    goal: Literal["least change", "fewest tendons"] = "least change"
+    tension_min: Annotated[float, Number("N", least=0)] = 0.0
+
+
 class ControllabilityStage(Section):
     """`[controllability]`: which tendons move what, and what no tendon moves."""
 
     horizon: Annotated[float | None, Number("s", above=0)] = None
+    move: tuple[MoveRequest, ...] = ()
 
 
 class LqrStage(Section):
