@@ -120,7 +120,6 @@ _HOME = {
         "ShapePath",
         "harmonic_lqr",
         "lqr",
-        "move",
         "plan_shape",
         "weights",
     ),
