@@ -1,126 +1,29 @@
-"""Stiff damped motion: the formula's order, its Jacobian against CasADi's, and other integrators on the same motion."""
+"""Stiff damped motion: order on smooth motion and through switches, and other integrators on the same motion."""
 
-import casadi as ca
+import itertools
+
 import numpy as np
 import pytest
-from support import (
-    MIXED_PINS,
-    REFERENCE,
-    order_of,
-    pendulum_scene,
-    random_motion,
-    replaced,
-    shell_scene,
-    solved,
-    steady,
-)
+from support import MIXED_PINS, REFERENCE, order_of, pendulum_scene, replaced, shell_scene, solved, steady
 
 import tensctl as tc
 from tensctl.errors import SimulationError
-from tensctl.simulation.integrators.blocks import assemble, expand, linearise, places, reduce, slopes
-from tensctl.simulation.integrators.factor import Envelope, factor, solve
 from tensctl.simulation.integrators.rodas import RODAS5P
 from tensctl.simulation.integrators.rosenbrock import Rosenbrock
 
 SCENES = {
-    "undamped": {},
     "damped": {"tendons": {"damping": 3.0}},
-    "by strain": {"tendons": {"EA": 100.0, "damping": 3.0}},
     "held": {"pins": MIXED_PINS, "tendons": {"damping": 3.0, "rest_ratio": 0.5}, "drag": {"coefficient": 0.7}},
-    "two stages": {"m": 2, "pins": ["P1_*_1"], "tendons": {"damping": 3.0}},
 }
 
 
-class TestFormula:
-    def test_order_conditions(self):
-        """Trees up to order 5 of the Rosenbrock form: a = alpha/Gamma, C = 1/gamma - 1/Gamma, beta = alpha + Gamma."""
-        a, count = RODAS5P.a, len(RODAS5P.d)
-        gammas = np.linalg.inv(np.eye(count) / RODAS5P.gamma - RODAS5P.C)
-        alphas = a @ gammas
-        beta, c = alphas + gammas, alphas.sum(axis=1)
-        assert np.abs(c - RODAS5P.times).max() < 1e-13
-        assert np.abs(gammas.sum(axis=1) - RODAS5P.d).max() < 1e-13
-        one = np.ones(count)
-        e, s = beta @ one, alphas @ (beta @ one)
-        four = [
-            (one, 1), (e, 1 / 2), (c**2, 1 / 3), (beta @ e, 1 / 6), (c**3, 1 / 4), (c * s, 1 / 8),
-            (beta @ c**2, 1 / 12), (beta @ beta @ e, 1 / 24),
-        ]  # fmt: skip
-        five = [
-            (c**4, 1 / 5), (c**2 * s, 1 / 10), (c * (alphas @ c**2), 1 / 15), (s**2, 1 / 20),
-            (c * (alphas @ beta @ e), 1 / 30), (beta @ c**3, 1 / 20), (beta @ (c * s), 1 / 40),
-            (beta @ beta @ c**2, 1 / 60), (beta @ beta @ beta @ e, 1 / 120),
-        ]  # fmt: skip
-        whole, embedded = (np.append(a[-1, :-1], last) @ gammas for last in (1.0, 0.0))
-        assert max(abs(whole @ tree - wanted) for tree, wanted in four + five) < 1e-12
-        assert max(abs(embedded @ tree - wanted) for tree, wanted in four) < 1e-12
-        assert max(abs(embedded @ tree - wanted) for tree, wanted in five) > 1e-4
-
-
-class TestLinearAlgebra:
-    @pytest.mark.parametrize("shift", [0.0, 8.0], ids=["pivots from below", "pivots on the diagonal"])
-    def test_factors(self, rng, shift):
-        """Rows of unequal reach, with and without swaps."""
-        n = 40
-        left = np.maximum(0, np.arange(n) - rng.integers(0, 9, n))
-        right = np.minimum(n, np.arange(n) + 1 + rng.integers(0, 9, n))
-        inside = (np.arange(n) >= left[:, None]) & (np.arange(n) < right[:, None])
-        A = np.where(inside, rng.standard_normal((n, n)), 0) + shift * np.eye(n)
-        low = np.maximum.accumulate([np.flatnonzero(inside[:, k]).max() + 1 for k in range(n)])
-        b, x = rng.standard_normal(n), np.empty(n)
-        LU, reach = A.copy(), [np.empty(n, int) for _ in range(3)]
-        factor(LU, Envelope(left, right, low), *reach)
-        solve(LU, *reach, b, x)
-        assert (reach[2] == np.arange(n)).all() == (shift > 0)
-        assert np.abs(A @ x - b).max() < 1e-11 * np.abs(x).max()
-
-    @pytest.mark.parametrize("sections", SCENES.values(), ids=SCENES)
-    def test_stage_equations_are_those_of_the_exact_jacobian(self, sections, rng):
-        """(s - J) u = r with CasADi's J of the whole state, against the reduced equations and their factors."""
-        dynamics = tc.build_dynamics(shell_scene(**sections))
-        nodes, velocities = random_motion(dynamics.potential, rng, reach=0.05, speed=0.3)
-        x = ca.SX.sym("x", dynamics.f.size1_in("x"))
-        still = ca.DM.zeros(dynamics.f.size1_in("u")), ca.DM.zeros(dynamics.f.size1_in("w"))
-        whole = ca.Function("J", [x], [ca.jacobian(dynamics.f(x, *still), x)])
-        J, s = np.asarray(whole(dynamics.pack(nodes, velocities))), 30.0
-        keep, hold = dynamics.state_mask, dynamics.kernel.hold
-        first, second = (np.where(keep, rng.standard_normal(keep.shape), 0) for _ in range(2))
-        for side in (first, second):
-            side[hold == 1, :3], side[hold == 2, :3] = side[hold == 1, 3:], -side[hold == 2, 3:]
-        uq, uv = _reduced(dynamics, nodes, velocities, s, first, second)
-        wanted = np.linalg.solve(s * np.eye(len(J)) - J, np.concatenate([first[keep], second[keep]]))
-        found = np.concatenate([uq[keep], uv[keep]])
-        assert np.abs(found - wanted).max() < 1e-12 * np.abs(wanted).max()
-
-
-def _reduced(dynamics, nodes, velocities, s, first, second):
-    """u_q and u_v by blocks and factors."""
-    q, v = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities)
-    at, envelope = places(dynamics)
-    rods, n = len(q), envelope.left.size
-    place, speed, force = np.zeros((3, dynamics.kernel.anchor.size))
-    found, A = slopes(rods, len(dynamics.structure.tendons)), np.zeros((n, n))
-    rest, load = dynamics.members.rest_lengths, dynamics.members.forces.ravel()
-    linearise(dynamics.kernel, q, v, rest, load, place, speed, force, found)
-    assemble(dynamics.kernel, at, found, s, A)
-    b, x, along, uq, uv, reach = (
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(rods),
-        *np.zeros((2, rods, 6)),
-        np.zeros((3, n), int),
-    )
-    reduce(dynamics.kernel, at, found, s, first, second, *np.zeros((2, rods, 6)), place, speed, force, along, b)
-    factor(A, envelope, *reach)
-    solve(A, *reach, b, x)
-    expand(dynamics.kernel, at, found, s, first, x, along, uq, uv)
-    return uq, uv
-
-
-def fixed_steps(dynamics, start, steps, drive, t_end=0.5):
+def equal_steps(dynamics, start, steps, drive, t_end=0.5):
+    """The state after equal steps: each call is as long as its first step, and no error is too large."""
     q, v = dynamics.rod_coordinates(start[0]), dynamics.rod_coordinates(start[1])
-    plant = Rosenbrock(dynamics, 1e-6, 1.0, fixed=t_end / steps)
-    plant.march(q, v, np.array([0.0, t_end]), drive, *np.empty((2, 2, *q.shape)))
+    plant = Rosenbrock(dynamics, 1e20, 1.0)
+    for t0, t1 in itertools.pairwise(np.linspace(0, t_end, steps + 1)):
+        plant.step = 2 * (t1 - t0)
+        plant.march(q, v, np.array([t0, t1]), drive, *np.empty((2, 2, *q.shape)))
     assert plant.evaluations == len(RODAS5P.d) * steps
     return np.hstack([q, v])
 
@@ -134,7 +37,7 @@ def taut_motion(**sections):
 
 class TestOrder:
     @pytest.mark.parametrize("changing", [False, True], ids=["steady", "changing"])
-    def test_fixed_steps(self, changing):
+    def test_equal_steps(self, changing):
         """Order 5 on a smooth damped motion, rest lengths and loads at rest or ramping, lagging and swinging."""
         dynamics, start = taut_motion(pins=["P1_1_1"], drag={"coefficient": 0.1})
         rest, forces = dynamics.members.rest_lengths, dynamics.members.forces
@@ -145,9 +48,42 @@ class TestOrder:
                 wave_node=np.array([1, 5]), wave_force=np.array([[3.0, 0, 1.0], [0, 2.0, 0]]),
                 wave_omega=np.array([7.0, 9.0]), wave_phase=np.array([0.3, 1.0]), ramped=True, swept=True,
             )  # fmt: skip
-        exact, counts = fixed_steps(dynamics, start, 800, drive), np.array([30, 45, 65, 100])
-        errors = [np.abs(fixed_steps(dynamics, start, n, drive) - exact).max() for n in counts]
+        exact, counts = equal_steps(dynamics, start, 800, drive), np.array([30, 45, 65, 100])
+        errors = [np.abs(equal_steps(dynamics, start, n, drive) - exact).max() for n in counts]
         assert 4.6 < order_of(0.5 / counts, errors) < 5.6
+
+    def test_states_between_steps(self):
+        """Recorded places between steps have at least the order of a step of the embedded formula."""
+        dynamics, (nodes, velocities) = taut_motion()
+        drive = steady(dynamics.members.rest_lengths, dynamics.members.forces)
+        errors, lengths = [], np.array([0.05, 0.035, 0.025])
+        for h in lengths:
+            exact = equal_steps(dynamics, (nodes, velocities), 40, drive, 0.4 * h)
+            q, v = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities)
+            out = np.zeros((2, 3, *q.shape))
+            Rosenbrock(dynamics, 1e20, 1.0, step=2 * h).march(q, v, np.array([0.0, 0.4 * h, h]), drive, *out)
+            errors.append(np.abs(np.hstack([out[0, 1], out[1, 1]]) - exact).max())
+        assert order_of(lengths, errors) > 4.5
+
+    @pytest.mark.parametrize(
+        ("tendons", "t_end"),
+        [({"damping": 2.0}, 0.5), ({"stiffness": 1e6, "damping": 5e4}, 0.1)],
+        ids=["soft", "stiff"],
+    )
+    def test_error_follows_the_tolerance_through_switches(self, tendons, t_end):
+        """Each switch is located and stepped on, so none leaves an error that a smaller tolerance does not see."""
+        dynamics = tc.build_dynamics(shell_scene(tendons=tendons))
+
+        def end(tol):
+            nodes = dynamics.structure.nodes
+            return tc.simulate(dynamics, nodes, timepts=[0.0, t_end], method="rosenbrock", tol=tol)
+
+        exact, tols = end(1e-10), 10.0 ** -np.arange(4, 8)
+        runs = [end(tol) for tol in tols]
+        errors = np.array([np.abs(run.nodes[-1] - exact.nodes[-1]).max() for run in runs])
+        assert all(run.switches == exact.switches > 20 for run in runs)
+        assert (errors < tols).all()
+        assert 0.75 < order_of(tols, errors) < 1.25
 
     def test_records_do_not_change_the_motion(self):
         dynamics, start = taut_motion()
@@ -187,12 +123,30 @@ class TestMotion:
         assert np.abs(coarse.nodes - explicit.nodes).max() < 1e-5
         assert coarse.evaluations < explicit.evaluations / 20
 
-    def test_extreme_ratios(self):
+    @pytest.mark.parametrize(
+        ("sections", "t_end"),
+        [
+            ({"tendons": {"stiffness": 1e9, "damping": 4e7}, "pins": ["P1_*_1"]}, 0.002),
+            ({"tendons": {"damping": {"ratio": 1e3}}, "pins": ["P1_*_1"]}, 1.0),
+            ({"tendons": {"stiffness": 1e6, "damping": 5e4}, "rods": {"mass": {"r1_*": 1e-4, "r2_*": 1e4}}}, 0.2),
+        ],
+        ids=["k = 1e9 N/m", "a thousand times critical", "masses 1e8 apart"],
+    )
+    def test_extremes(self, sections, t_end):
+        """Two tolerances agree as the looser of them allows."""
+        dynamics = tc.build_dynamics(shell_scene(**sections))
+        nodes = dynamics.structure.nodes
+        runs = [tc.simulate(dynamics, nodes, timepts=[0, t_end], method="rosenbrock", tol=t) for t in (1e-5, 1e-7)]
+        assert np.abs(runs[0].nodes - runs[1].nodes).max() < 1e-5
+        assert runs[0].rod_drift < 1e-14
+
+    def test_extremes_at_once(self):
         """k = 1e9 N/m, a thousand times critical damping, masses 1e8 apart."""
-        light = {"r1_*": 1e-4, "r2_*": 1e4}
-        scene = shell_scene(rods={"mass": light}, tendons={"stiffness": 1e9, "damping": {"ratio": 1e3}})
+        scene = shell_scene(
+            rods={"mass": {"r1_*": 1e-4, "r2_*": 1e4}}, tendons={"stiffness": 1e9, "damping": {"ratio": 1e3}}
+        )
         dynamics = tc.build_dynamics(scene)
-        run = tc.simulate(dynamics, dynamics.structure.nodes, t_end=0.1, method="rosenbrock", tol=1e-6)
+        run = tc.simulate(dynamics, dynamics.structure.nodes, t_end=1e-3, method="rosenbrock", tol=1e-6)
         assert np.isfinite(run.nodes).all()
         assert run.rod_drift < 1e-14
 

@@ -1,235 +1,214 @@
-"""Stiff damped motion: RODAS5P on the exact Jacobian, with projection on the rods' manifold.
+"""Stiff motion: adaptive Rosenbrock steps on exact Jacobians, with tendons that go slack or taut located like events.
 
-    u_v = s u_q - R1,   (s^2 - s g_v - g_q) u_q = R2 + s R1 - g_v R1,   s = 1/(h gamma)
+A step after which a spring or damper should have changed over is shortened to the place where it does (found on the
+method's own dense output, then stepped to), and the motion starts anew from there. Rods keep their lengths by
+construction: every step has its own chart (`chart`).
 
-for each stage: systems of the size of q instead of (q, v), 5 unknowns a free rod (`blocks`), one factorisation a step.
-L-stable: dampers and tendons of any stiffness bound no step, only how fast the motion itself changes does. Where a
-tendon goes slack or taut the force bends or jumps; the step-size control finds the place.
-
-Linear algebra is exact for the small and wide band of large structures: its time grows with rods times band squared.
+Errors of a step are of order h^6 in smooth motion. A tendon that comes and goes between two stages is not seen.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from tensctl.errors import SimulationError
-from tensctl.jit import jit
+from tensctl.jit import jit, part
 from tensctl.model import Dynamics
-from tensctl.model.kernel import accelerations, pushes, tidy
-from tensctl.simulation.drive import Drive, drive_at, drive_rate
-from tensctl.simulation.integrators.blocks import Places, Slopes, assemble, expand, linearise, places, reduce, slopes
-from tensctl.simulation.integrators.factor import Envelope, factor, solve
+from tensctl.model.kernel import tidy
+from tensctl.simulation.drive import Drive, drive_at
+from tensctl.simulation.integrators.chart import leave_chart, place_ends
+from tensctl.simulation.integrators.frozen import sides, worst_side
 from tensctl.simulation.integrators.rodas import RODAS5P
+from tensctl.simulation.integrators.rosenbrock_step import linearise, stages, within
+from tensctl.simulation.integrators.stiff_layout import Plan, Room, plan_steps, room_for
 
-# Error allowed in one step over tol: slack-taut switches let errors add up a hundredfold in a second.
-_STRICT = 0.01
-# A step may turn a rod by this, rad: at 1/gamma its own equation along the rod loses its solution.
-_TURN = 2.0
+# Switches are not told apart that come sooner than this after a step's start, over the time of the run: some hundred
+# times its rounding. A step that errors push below a tenth of it ends the run.
+_SOONEST = 1e-13
+# Parts of the band past a switch: where a shortened step aims, how far off it may end, and how far past a tendon
+# has to be to change over. The margin keeps tendons that carry next to nothing from chattering.
+_AIM, _NEAR, _MARGIN = 0.5, 0.25, 0.125
+# Places of a step at which tendons are looked at when a stage saw one that should have changed over.
+_LOOKS = 4
+# Step-size control after K. Gustafsson (as in RADAU5): safety, least and largest change, and the least error over the
+# allowed one that counts.
+_SAFE, _SHRINK, _GROW, _LEAST = 0.9, 0.1, 6.0, 1e-10
+# Error allowed in one step over tol: on stiff scenes of some hundred oscillations errors then add up to about tol.
+_STRICT = 0.1
+# A step that ends within this part of the allowed error past a switch ends on it; but not less than what lengths lose
+# by rounding, over the size.
+_BAND, _ROUNDING = 0.01, 1e-13
+# Order of the method, and times that a switch is looked for in a step.
+_ORDER, _TRIALS = 5, 64
+# First step times the fastest rate.
+_FIRST = 0.01
 
 
-class Room(NamedTuple):
-    """Arrays to work in: matrix, its reach and right-hand side; nodal fields; stages."""
-
-    A: np.ndarray
-    left: np.ndarray
-    right: np.ndarray
-    order: np.ndarray
-    b: np.ndarray
-    x: np.ndarray
-    place: np.ndarray
-    speed: np.ndarray
-    force: np.ndarray
-    along: np.ndarray
-    uq: np.ndarray
-    uv: np.ndarray
-    sums: np.ndarray
-
-
-@jit
-def turn_by_time(data, drive, t, q, found, work, rest_rate, load_rate, rate):
-    """Fill the derivative of accelerations by time, (nr, 6): rest lengths and loads change."""
-    force = work.force
-    drive_rate(drive, t, rest_rate, load_rate)
-    for i in range(force.size):
-        force[i] = load_rate[i]
-    for k in range(rest_rate.size):
-        if found.ease[k] != 0.0:
-            a, b = np.int64(data.tail_at[k]), np.int64(data.head_at[k])
-            for i in range(3):
-                pull = found.ease[k] * rest_rate[k] * found.unit[k, i]
-                force[a + i] -= pull
-                force[b + i] += pull
-    pushes(data, q, force, rate)
+@part
+def trespass(data, drive, t, y, room):
+    """How far the worst tendon is on the wrong side at chart coordinates y, m."""
+    place_ends(data, room.frame, y, room.place, room.speed)
+    if drive.ramped or drive.swept:
+        drive_at(drive, t, room.rest, room.load)
+    sides(data, room.place, room.speed, room.rest, room.side)
+    return worst_side(room.side, room.on)
 
 
 @jit
-def stages(data, drive, table, at, found, t, h, q, v, by_time, rest, load, work):
-    """All stages of a step from factors for it; the new state is left in sums[0] and sums[1], the error in the last."""
-    s = 1.0 / (h * table.gamma)
-    size = q.size
-    rods = q.shape[0]
-    q1, v1, first, second, move, rate = (
-        work.sums[0], work.sums[1], work.sums[2], work.sums[3], work.sums[4], work.sums[5]
-    )  # fmt: skip
-    flat_q, flat_v, flat_1, flat_2 = q1.reshape(size), v1.reshape(size), first.reshape(size), second.reshape(size)
-    q0, v0, flat_t = q.reshape(size), v.reshape(size), by_time.reshape(size)
-    count = table.d.size
-    for k in range(count + 1):
-        for i in range(size):
-            flat_q[i], flat_v[i] = q0[i], v0[i]
-        for j in range(k):
-            a = table.a[k, j] if k < count else (1.0 if j == k - 1 else table.a[count - 1, j])
-            if a != 0.0:
-                uq, uv = work.uq[j].reshape(size), work.uv[j].reshape(size)
-                for i in range(size):
-                    flat_q[i] += a * uq[i]
-                    flat_v[i] += a * uv[i]
-        if k == count:
-            break
-        drive_at(drive, t + table.times[k] * h, rest, load)
-        accelerations(data, q1, v1, rest, load.reshape(load.size // 3, 3), second)
-        for i in range(size):
-            flat_1[i] = flat_v[i]
-        if table.d[k] != 0.0 and (drive.ramped or drive.swept):
-            for i in range(size):
-                flat_2[i] += h * table.d[k] * flat_t[i]
-        for j in range(k):
-            c = table.C[k, j] / h
-            uq, uv = work.uq[j].reshape(size), work.uv[j].reshape(size)
-            for i in range(size):
-                flat_1[i] += c * uq[i]
-                flat_2[i] += c * uv[i]
-        reduce(
-            data, at, found, s, first, second, move, rate, work.place, work.speed, work.force, work.along, work.b
-        )  # fmt: skip
-        solve(work.A, work.left, work.right, work.order, work.b, work.x)
-        expand(data, at, found, s, first, work.x, work.along, work.uq[k], work.uv[k])
-    for r in range(rods):
-        if data.hold[r] == 3:
-            for i in range(6):
-                q1[r, i], v1[r, i] = q[r, i], v[r, i]
+def first_switch(data, drive, t, h, H, band, room):
+    """Part of the step at which a tendon is between zero and `band` on the wrong side; 1 when none is beyond it."""
+    aim, y = _AIM * band, room.right
+    low, f_low, high, f_high, side = 0.0, -band, 2.0, band, 0
+    for k in range(1, _TRIALS):
+        looking = high > 1.0
+        if looking:
+            x = k / _LOOKS
+        else:
+            x = low + (high - low) * f_low / (f_low - f_high) if f_low < 0.0 else 0.5 * (low + high)
+        within(H, x, room.y, room.end, room.U, y)
+        f = trespass(data, drive, t + x * h, y, room) - aim
+        if looking:
+            if f > band - aim:
+                high, f_high = x, f
+            elif k == _LOOKS:
+                return 1.0
+            else:
+                low, f_low = x, f
+        elif abs(f) <= _NEAR * band or high - low < 1e-15:
+            return x
+        elif f > 0.0:
+            high, f_high = x, f
+            f_low *= 0.5 if side == 1 else 1.0
+            side = 1
+        else:
+            low, f_low = x, f
+            f_high *= 0.5 if side == -1 else 1.0
+            side = -1
+    return high
 
 
 @jit
-def within(data, table, x, q, v, q1, v1, work, out_q, out_v):
-    """Write the state a part x into the step that was just taken, rods put to their lengths."""
-    count = table.d.size
-    for r in range(q.shape[0]):
-        for i in range(6):
-            a, b = 0.0, 0.0
-            for k in range(table.H.shape[0] - 1, -1, -1):
-                hq, hv = 0.0, 0.0
-                for j in range(count):
-                    hq += table.H[k, j] * work.uq[j, r, i]
-                    hv += table.H[k, j] * work.uv[j, r, i]
-                a, b = hq + x * a, hv + x * b
-            out_q[r, i] = (1.0 - x) * q[r, i] + x * (q1[r, i] + (1.0 - x) * a)
-            out_v[r, i] = (1.0 - x) * v[r, i] + x * (v1[r, i] + (1.0 - x) * b)
-    tidy(data, out_q, out_v)
+def attempt(data, plan, drive, t, h, table, q_scale, v_scale, band, room):
+    """Take a step of length h; its error over the allowed one, and the part of it up to the first switch."""
+    fine, crossed = stages(data, plan, drive, t, h, table, room)
+    if not fine:
+        return np.inf, 1.0
+    error, half, u = 0.0, room.start.size, room.U[table.d.size - 1]
+    for k in range(half):
+        error = max(error, abs(u[k]) / q_scale, abs(u[half + k]) / v_scale)
+        if not (abs(room.end[k]) < np.inf and abs(room.end[half + k]) < np.inf):
+            return np.inf, 1.0
+    if error <= 1.0 and (trespass(data, drive, t + h, room.end, room) > band or crossed):
+        return error, first_switch(data, drive, t, h, table.H, band, room)
+    return error, 1.0
 
 
 @jit
-def march(data, drive, table, at, envelope, found, work, q, v, times, step, fixed, q_scale, v_scale, out_q, out_v):
-    """Move q and v through times; returns the time reached, the next step, right-hand sides, refused steps.
+def record(data, frame, y, place, speed, q, v):
+    """Fill q, v with the state at chart coordinates, rods at their lengths to the last digit."""
+    place_ends(data, frame, y, place, speed)
+    leave_chart(data, y, place, speed, q, v)
+    tidy(data, q, v)
+
+
+@jit
+def march(data, plan, drive, table, room, q, v, times, first, q_scale, v_scale, band, out_q, out_v):
+    """Move q and v through times; returns the time reached, the next step, steps tried and tendons changed over.
 
     Parameters
     ----------
-    step : float, s
-        Step to try first; the only one, whatever its error, when `fixed`.
+    first : float, s
+        Step to try first.
     q_scale, v_scale : float, m, m/s
         Errors allowed in a step.
+    band : float, m
+        How far past its switch a tendon may be when a step ends there.
     """
-    rest, load = drive.rest.copy(), drive.force.copy().reshape(drive.force.size)
-    rest_rate, load_rate, by_time = np.zeros(rest.size), np.zeros(load.size), np.zeros(q.shape)
-    count = table.d.size
-    q1, v1 = work.sums[0], work.sums[1]
-    t, t_end, h, sides, refused, k = times[0], times[-1], step, 0, 0, 1
-    suggestion, before, worst_before, fresh = step, 0.0, 1e-2, False
+    t, t_end, h, row, tries, changes = times[0], times[-1], first, 1, 0, 0
+    before, refused, cut, moved, anew = 1.0, False, False, True, True
+    usual, soonest = first, _SOONEST * max(abs(times[0]), abs(t_end))
     while t < t_end:
-        if not fresh:
-            drive_at(drive, t, rest, load)
-            linearise(data, q, v, rest, load, work.place, work.speed, work.force, found)
-            if drive.ramped or drive.swept:
-                turn_by_time(data, drive, t, q, found, work, rest_rate, load_rate, by_time)
-            fresh = True
-            fastest = 0.0
-            for r in range(found.spin.size):
-                fastest = max(fastest, found.spin[r])
-            if fastest > 0.0 and not fixed:
-                h = min(h, _TURN / np.sqrt(fastest))
-        last = t + h * (1 + 1e-10) >= t_end
-        h = t_end - t if last else h
-        if not t + h > t:
-            return t, h, sides, refused
-        assemble(data, at, found, 1.0 / (h * table.gamma), work.A)
-        factor(work.A, envelope, work.left, work.right, work.order)
-        stages(data, drive, table, at, found, t, h, q, v, by_time, rest, load, work)
-        sides += count
-        worst = 0.0
-        for r in range(q.shape[0]):
-            for i in range(6):
-                worst = max(worst, abs(work.uq[count - 1, r, i]) / q_scale, abs(work.uv[count - 1, r, i]) / v_scale)
-            if q1[r, 0] != q1[r, 0]:
-                worst = np.nan
-        if worst <= 1.0 or (fixed and worst == worst):
-            tidy(data, q1, v1)
-            reached = t_end if last else t + h
-            while k < times.size and times[k] <= reached:
-                if times[k] == reached:
-                    break
-                within(data, table, (times[k] - t) / h, q, v, q1, v1, work, out_q[k], out_v[k])
-                k += 1
+        if moved:
+            changed = linearise(data, plan, drive, t, q, v, 0.0 if anew else _MARGIN * band, room)
+            changes += 0 if anew else changed
+            anew, moved = False, False
+        last = t + 1.000001 * h >= t_end - soonest
+        if last:
+            h = t_end - t
+        if not last and h < 0.1 * soonest:
+            break
+        error, x = attempt(data, plan, drive, t, h, table, q_scale, v_scale, band, room)
+        tries += 1
+        if not error <= 1.0:
+            if h < 0.1 * soonest:
+                break
+            h *= max(_SHRINK, min(_SAFE, _SAFE * error ** (-1.0 / _ORDER))) if error < np.inf else _SHRINK
+            refused, cut = True, False
+            continue
+        if x < 1.0 and h > soonest:
+            usual = usual if cut else h
+            h, cut = max(h * x, soonest), True
+            continue
+        reached = t_end if last else t + h
+        while row < times.size - 1 and times[row] <= reached:
+            within(table.H, (times[row] - t) / h, room.y, room.end, room.U, room.right)
             for r in range(q.shape[0]):
                 for i in range(6):
-                    q[r, i], v[r, i] = q1[r, i], v1[r, i]
-            if k < times.size and times[k] == reached:
-                out_q[k], out_v[k] = q, v
-                k += 1
-            t, fresh = reached, False
-            if fixed:
-                continue
-            worst = max(worst, 1e-10)
-            factor_now = 0.9 * worst**-0.2
-            if before > 0.0:
-                factor_now = min(factor_now, 0.9 * h / before * (worst_before / (worst * worst)) ** 0.2)
-            factor_now = min(6.0, max(0.2, factor_now))
-            suggestion = h * factor_now if not last else max(suggestion, h * factor_now)
-            before, worst_before = h, max(worst, 1e-2)
-            h *= factor_now
+                    out_q[row, r, i], out_v[row, r, i] = q[r, i], v[r, i]
+            record(data, room.frame, room.right, room.place, room.speed, out_q[row], out_v[row])
+            row += 1
+        record(data, room.frame, room.end, room.place, room.speed, q, v)
+        t, moved, error = reached, True, max(error, _LEAST)
+        if cut:
+            h = usual
         else:
-            refused += 1
-            h *= min(0.9, max(0.1, 0.9 * worst**-0.2)) if worst == worst else 0.1
-    return t, suggestion, sides, refused
+            grow = _SAFE * error ** (-0.7 / _ORDER) * before ** (0.4 / _ORDER)
+            h *= min(1.0 if refused else _GROW, max(0.2, grow))
+            usual = usual if last else h
+        before, refused, cut = error, False, False
+    for r in range(q.shape[0]):
+        for i in range(6):
+            out_q[-1, r, i], out_v[-1, r, i] = q[r, i], v[r, i]
+    return t, max(usual, h), tries, changes
 
 
 @dataclass(eq=False)
 class Rosenbrock:
-    """Adaptive RODAS5P with projection.
+    """Adaptive Rosenbrock steps of order 5 on exact Jacobians.
 
     Attributes
     ----------
     dynamics : Dynamics
     tol : float
-        A hundredth of it, over the size, is the error allowed in a step.
+        A tenth of it, over the size, is the error of place allowed in a step.
     rate : float, rad/s
-        A bound on the frequencies: scales velocities, and gives the first step.
-    fixed : float, s
-        When > 0, every step has this length.
+        A bound on the frequencies: gives the first step.
     """
 
     dynamics: Dynamics
     tol: float
     rate: float
-    fixed: float = 0.0
     name: str = "rosenbrock"
     evaluations: int = 0
     switches: int = 0
     step: float = 0.0
+
+    @cached_property
+    def _pace(self) -> float:
+        """Errors allowed in velocities over those in places, 1/s.
+
+        One in the fastest mode moves rods by 1/rate of it, one in a rigid-body motion by a second of it: the geometric
+        mean is taken.
+        """
+        return float(np.sqrt(self.rate))
+
+    @cached_property
+    def _room(self) -> tuple[Plan, Room]:
+        plan = plan_steps(self.dynamics.kernel)
+        return plan, room_for(self.dynamics.kernel, plan, RODAS5P.d.size)
 
     def march(self, q, v, times, drive: Drive, out_q, out_v) -> None:
         """Move q and v in place through the times, and record them at each but the first.
@@ -239,27 +218,15 @@ class Rosenbrock:
         SimulationError
             When the step falls to nothing.
         """
-        at, envelope, found, work = self._room
+        plan, room = self._room
+        room.rest[:], room.load[:] = drive.rest, drive.force.ravel()
         size = float(self.dynamics.potential.manifold.lengths.max())
-        first = self.fixed or self.step or 0.01 / self.rate
         scale = _STRICT * self.tol * size
-        t, self.step, sides, _ = march(
-            self.dynamics.kernel, drive, RODAS5P, at, envelope, found, work, q, v, times, first, self.fixed > 0,
-            scale, scale * self.rate, out_q, out_v,
+        t, self.step, tries, changes = march(
+            self.dynamics.kernel, plan, drive, RODAS5P, room, q, v, times, self.step or _FIRST / self.rate, scale,
+            scale * self._pace, max(_BAND * scale, _ROUNDING * size), out_q, out_v,
         )  # fmt: skip
-        self.evaluations += sides
+        self.evaluations += RODAS5P.d.size * tries
+        self.switches += changes
         if t < times[-1]:
-            raise SimulationError(f"the step size fell to nothing at {t:g} s; loosen tol.")
-
-    @cached_property
-    def _room(self) -> tuple[Places, Envelope, Slopes, Room]:
-        rods, size = len(self.dynamics.structure.rods), self.dynamics.kernel.anchor.size
-        at, envelope = places(self.dynamics)
-        n, count = envelope.left.size, RODAS5P.d.size
-        work = Room(
-            A=np.zeros((n, n)), left=np.zeros(n, int), right=np.zeros(n, int), order=np.zeros(n, int), b=np.zeros(n),
-            x=np.zeros(n), place=np.zeros(size), speed=np.zeros(size),
-            force=np.zeros(size), along=np.zeros(rods), uq=np.zeros((count, rods, 6)), uv=np.zeros((count, rods, 6)),
-            sums=np.zeros((6, rods, 6)),
-        )  # fmt: skip
-        return at, envelope, slopes(rods, len(self.dynamics.structure.tendons)), work
+            raise SimulationError(f"the step size fell to nothing at {t:g} s; loosen tol, or lower the stiffness.")
