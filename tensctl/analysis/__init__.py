@@ -6,6 +6,7 @@ from tensctl.analysis.influence import static_influence, tension_influence
 from tensctl.analysis.krylov import KrylovRank
 from tensctl.analysis.modal import controllability, observability
 from tensctl.analysis.moving import Move, move
+from tensctl.analysis.placement import Placement, place
 from tensctl.analysis.reach import Reach
 from tensctl.analysis.study import Study
 from tensctl.analysis.verdict import ModalReport, ModeVerdict
@@ -16,6 +17,7 @@ __all__ = [
     "ModalReport",
     "ModeVerdict",
     "Move",
+    "Placement",
     "Reach",
     "ReachEnergies",
     "Study",
@@ -24,6 +26,7 @@ __all__ = [
     "move",
     "observability",
     "observability_gramian",
+    "place",
     "static_influence",
     "tension_influence",
 ]

@@ -128,6 +128,17 @@ def observability_gramian(linear: LinearModel, horizon: float) -> Gramian:
     return _gramian(flexible, flexible.A.T, flexible.C.T, horizon, transposed=True)
 
 
+def single_gramians(linear: LinearModel, horizon: float) -> Float[np.ndarray, "nu n n"]:
+    """Gramians of each tendon alone, which add up to that of all; inputs in the square root of their energy.
+
+    One doubling for each tendon: 0.05 s for 24 tendons, half a minute for the 168 of (6,3).
+    """
+    flexible = linear.flexible
+    B = flexible.B / np.sqrt(tension_slopes(flexible))
+    each = [_gramian(flexible, flexible.A, B[:, [t]], horizon, transposed=False).matrix for t in range(B.shape[1])]
+    return np.array(each).reshape(-1, len(flexible.A), len(flexible.A))
+
+
 @one_blas_thread()
 def _gramian(flexible: LinearModel, A: np.ndarray, B: np.ndarray, horizon: float, *, transposed: bool) -> Gramian:
     if not horizon > 0:

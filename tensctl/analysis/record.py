@@ -9,6 +9,7 @@ import numpy as np
 
 from tensctl.analysis.energies import ReachEnergies
 from tensctl.analysis.moving import Move
+from tensctl.analysis.placement import Placement
 from tensctl.analysis.reach import Reach
 from tensctl.analysis.study import Study
 from tensctl.analysis.verdict import ModalReport
@@ -27,6 +28,7 @@ def record(study: Study) -> dict:
         "observability": None if study.observability is None else _modes(study.observability, None),
         "energies": None if study.energies is None else _energies(study.energies),
         "moves": [_move(one) for one in study.moves] or None,
+        "placements": [_placement(one) for one in study.placements] or None,
     }
     return {name: part for name, part in parts.items() if part is not None}
 
@@ -76,6 +78,18 @@ def _move(move: Move) -> dict:
         "largest_other_displacement_m": float(np.delete(np.linalg.norm(move.displacements, axis=1), move.node).max()),
         "tension_changes_N": [float(move.tension_changes.min()), float(move.tension_changes.max())],
         "optimality": move.optimality,
+    }
+
+
+def _placement(placement: Placement) -> dict:
+    return {
+        "measure": placement.measure.name,
+        "tendons": list(placement.tendons),
+        "value": placement.value,
+        "greedy": placement.greedy,
+        "bound": placement.bound,
+        "gap_of_all": placement.gap,
+        "exact": placement.exact,
     }
 
 

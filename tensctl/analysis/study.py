@@ -11,6 +11,7 @@ from tensctl.analysis.energies import ReachEnergies
 from tensctl.analysis.krylov import KrylovRank, krylov_rank
 from tensctl.analysis.modal import controllability, observability
 from tensctl.analysis.moving import Move, move
+from tensctl.analysis.placement import Placement, place_by_all
 from tensctl.analysis.reach import Reach
 from tensctl.analysis.verdict import ModalReport
 from tensctl.linear import LinearModel
@@ -38,6 +39,8 @@ class Study:
         With a horizon.
     moves : tuple of Move
         Which tendons to pull to move nodes.
+    placements : tuple of Placement
+        The best few actuators, by every measure.
     """
 
     linear: LinearModel
@@ -47,6 +50,7 @@ class Study:
     observability: ModalReport | None
     energies: ReachEnergies | None = None
     moves: tuple[Move, ...] = ()
+    placements: tuple[Placement, ...] = ()
 
     @classmethod
     def of(cls, linear: LinearModel, asked: ControllabilityStage | None = None) -> Study:
@@ -60,6 +64,7 @@ class Study:
             observability=observability(linear) if linear.outputs else None,
             energies=None if asked.horizon is None else ReachEnergies.of(linear, asked.horizon),
             moves=tuple(move(linear, m.node, m.by, tension_min=m.tension_min, goal=m.goal) for m in asked.move),
+            placements=() if asked.place is None else place_by_all(linear, asked.place, asked.horizon),
         )
 
     @property
@@ -80,7 +85,7 @@ class Study:
             self.controllability.verify(tol)
         if self.energies is not None:
             self.energies.verify(tol)
-        for one in self.moves:
+        for one in (*self.moves, *self.placements):
             one.verify()
 
     def __str__(self) -> str:

@@ -27,6 +27,8 @@ def as_text(study: Study) -> str:
     if study.energies is not None:
         parts.append(str(study.energies))
     parts += [str(one) for one in study.moves]
+    if study.placements:
+        parts.append("\n".join(str(one) for one in study.placements))
     if study.observability is not None:
         parts.append(modes_table(study.observability, None))
     return "\n\n".join(parts)

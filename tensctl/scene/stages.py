@@ -55,6 +55,7 @@ class ControllabilityStage(Section):
     """`[controllability]`: which tendons move what, and what no tendon moves."""
 
     horizon: Annotated[float | None, Number("s", above=0)] = None
+    place: Annotated[int | None, Number("actuators", least=1, whole=True)] = None
     move: tuple[MoveRequest, ...] = ()
 
 
