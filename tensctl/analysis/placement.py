@@ -228,7 +228,8 @@ class _Cuts:
         best, value = chosen, f(_taken(chosen, n))
         order = np.argsort(-np.mean(self._slopes, axis=0), kind="stable")
         bases, slopes = np.array(self._bases), np.array(self._slopes)[:, order]
-        stack, branches, measured = [((), 0)], 0, 0
+        stack: list[tuple[tuple[int, ...], int]] = [((), 0)]
+        branches, measured = 0, 0
         while stack:
             taken, place = stack.pop()
             branches += 1
