@@ -56,14 +56,19 @@ if TYPE_CHECKING:
     )
     from tensctl.structure import Structure, build_structure, network, planar, prism, shell
     from tensctl.synthesis import (
+        LQG,
         LQR,
         MPC,
         HarmonicLQR,
         SampledLQR,
+        Sensors,
         ShapePath,
         harmonic_lqr,
+        lqg,
         lqr,
         plan_shape,
+        sensors,
+        truncate,
         weights,
     )
 
@@ -113,20 +118,26 @@ _HOME = {
     ),
     "tensctl.structure": ("Structure", "build_structure", "network", "planar", "prism", "shell"),
     "tensctl.synthesis": (
+        "LQG",
         "LQR",
         "MPC",
         "HarmonicLQR",
         "SampledLQR",
+        "Sensors",
         "ShapePath",
         "harmonic_lqr",
+        "lqg",
         "lqr",
         "plan_shape",
+        "sensors",
+        "truncate",
         "weights",
     ),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
+    "LQG",
     "LQR",
     "MPC",
     "Batch",
@@ -151,6 +162,7 @@ __all__ = [
     "SceneError",
     "Schedule",
     "SecondOrder",
+    "Sensors",
     "ShapePath",
     "SimulationError",
     "Stability",
@@ -174,6 +186,7 @@ __all__ = [
     "inverse_statics",
     "linearize",
     "load_scene",
+    "lqg",
     "lqr",
     "move",
     "nearest_shape",
@@ -185,10 +198,12 @@ __all__ = [
     "resume",
     "run",
     "self_stress",
+    "sensors",
     "shell",
     "simulate",
     "simulate_many",
     "stability_orders",
+    "truncate",
     "weights",
     "work_precision",
 ]

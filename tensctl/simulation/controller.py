@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
 from tensctl.errors import SimulationError
+from tensctl.synthesis import Sensors
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +32,12 @@ class Measurement:
 
 
 class Controller(Protocol):
-    """Anything that turns measurements into the total rest-length change u."""
+    """Anything that turns measurements into the total rest-length change u.
 
-    def step(self, t: float, measurement: Measurement) -> np.ndarray:
+    One that has `sensors` is shown what they read at each sample, with their noise, in place of the measurement.
+    """
+
+    def step(self, t: float, measurement: Any) -> np.ndarray:
         """Total rest-length change u from L0, (nu,) m, to be reached at the end of the period."""
         ...
 
@@ -53,6 +57,14 @@ class Remembering(Protocol):
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Remember this."""
         ...
+
+
+def ask(controller: Controller, t: float, period: float, measurement: Measurement) -> np.ndarray:
+    """The controller's answer at a sample, from all of the measurement or from what its sensors read."""
+    sensors = getattr(controller, "sensors", None)
+    if isinstance(sensors, Sensors):
+        return controller.step(t, sensors.read(measurement, round(t / period)))
+    return controller.step(t, measurement)
 
 
 def memory_of(controller: Controller | None) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.simulation.actuators import Actuators
-from tensctl.simulation.controller import Controller, Measurement
+from tensctl.simulation.controller import Controller, Measurement, ask
 from tensctl.simulation.drive import Drive
 from tensctl.simulation.integrators import Choice, carried_by
 from tensctl.simulation.loads import Load, Loads
@@ -37,7 +37,7 @@ class Moving:
     def command(self, controller: Controller, t: float, period: float) -> None:
         """Ask the controller; from now on rest lengths ramp towards its answer."""
         members = self._dynamics.members
-        u = np.asarray(controller.step(float(t), self._measurement()), float)
+        u = np.asarray(ask(controller, float(t), period, self._measurement()), float)
         if u.shape != members.inputs.shape or not np.isfinite(u).all():
             raise SimulationError(
                 f"at {t:g} s the controller gave u of shape {u.shape}; finite {members.inputs.shape} is expected."

@@ -2,16 +2,20 @@
 
 from tensctl.synthesis.condensed import Condensed, Weights, condense
 from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
+from tensctl.synthesis.lqg import LQG, lqg
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.mpc import MPC, StepRecord
 from tensctl.synthesis.path import ShapePath, plan_shape
 from tensctl.synthesis.riccati import Riccati, care, dare
+from tensctl.synthesis.sensors import Reading, Sensors, sensors
 from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.target import Height, shell_height
+from tensctl.synthesis.truncate import ReducedModel, truncate
 from tensctl.synthesis.weights import Cost, weights
 
 __all__ = [
+    "LQG",
     "LQR",
     "MPC",
     "Condensed",
@@ -19,8 +23,11 @@ __all__ = [
     "HarmonicLQR",
     "Height",
     "LeftOut",
+    "Reading",
+    "ReducedModel",
     "Riccati",
     "SampledLQR",
+    "Sensors",
     "ShapePath",
     "StepRecord",
     "Weights",
@@ -28,8 +35,11 @@ __all__ = [
     "condense",
     "dare",
     "harmonic_lqr",
+    "lqg",
     "lqr",
     "plan_shape",
+    "sensors",
     "shell_height",
+    "truncate",
     "weights",
 ]

@@ -31,8 +31,10 @@ class Optimum:
     residual: float
 
 
-def optimal(A: np.ndarray, B: np.ndarray, cost: Cost, *, sampled: bool = False) -> Optimum:
-    """Least cost of dx/dt = A x + B u, or of x_(k+1) = A x_k + B u_k when sampled.
+def optimal(
+    A: np.ndarray, B: np.ndarray, cost: Cost, *, sampled: bool = False, advice: str = "raise R"
+) -> Optimum:  # fmt: skip
+    """Least cost of dx/dt = A x + B u, or of x_(k+1) = A x_k + B u_k when sampled; `advice` ends a refusal.
 
     Raises
     ------
@@ -47,7 +49,7 @@ def optimal(A: np.ndarray, B: np.ndarray, cost: Cost, *, sampled: bool = False) 
     except SynthesisError:
         raise SynthesisError(
             "double precision finds no solution of the Riccati equation, though no mode is out of reach: some mode is "
-            "driven too weakly, or the weights of states and inputs are too far apart (raise R)."
+            f"driven too weakly, or the weights of states and inputs are too far apart ({advice})."
         ) from None
     if sampled:
         K = np.linalg.solve(cost.R + B.T @ P @ B, B.T @ P @ A + cost.N.T)
@@ -57,7 +59,7 @@ def optimal(A: np.ndarray, B: np.ndarray, cost: Cost, *, sampled: bool = False) 
     if not left <= TOLERATED:
         raise SynthesisError(
             f"the Riccati equation was solved only to {left:.1e} of its terms; bring the weights of states and inputs "
-            "nearer to each other (raise R)."
+            f"nearer to each other ({advice})."
         )
     return Optimum(P, K, left)
 

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from tensctl.analysis import controllability, observability
+from tensctl.analysis import controllability
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
 
@@ -65,13 +65,32 @@ def stabilisable(linear: LinearModel, *, only: bool) -> Part:
         Unless `only`, when a mode is neither damped nor driven: its index, frequency and reason.
     """
     lost = unreached(linear.A, linear.B, _pairs(linear))
-    return _part(linear, lost, "neither damped nor driven", only) if lost.size else _whole(linear)
+    if not lost.size:
+        return Part(np.eye(len(linear.A)), ())
+    reasons = {mode.index: mode.reason for mode in controllability(linear).modes}
+    left = _named(linear, lost, reasons)
+    _allow(left, "neither damped nor driven", only)
+    return Part(sla.null_space(lost.T, rcond=0.5), left)
 
 
-def detectable(linear: LinearModel, C: Float[np.ndarray, "ny nx"], *, only: bool) -> Part:
-    """The part of a flexible model that sensors with these rows can tell of; the dual of `stabilisable`."""
-    lost = unreached(linear.A.T, C.T, _pairs(linear))
-    return _part(linear, lost, "neither damped nor seen by a sensor", only) if lost.size else _whole(linear)
+def controlled_part(linear: LinearModel, C: Float[np.ndarray, "ny nx"], *, only: bool) -> Part:
+    """The part of a flexible model that inputs can bring to rest and that sensors with rows C can tell of.
+
+    Raises
+    ------
+    SynthesisError
+        Unless `only`, when a mode is not damped, and not driven or not seen: its index, frequency and reason.
+    """
+    driven = stabilisable(linear, only=only)
+    T = driven.basis
+    whole = not driven.left
+    lost = unreached((T.T @ linear.A @ T).T, (C @ T).T, _pairs(linear) if whole else None)
+    if not lost.size:
+        return driven
+    reasons = {mode.index: _why_not_seen(linear, C, k) for k, mode in enumerate(linear.modes)}
+    left = _named(linear, T @ lost, reasons)
+    _allow(left, "neither damped nor seen", only)
+    return Part(T @ sla.null_space(lost.T, rcond=0.5), (*driven.left, *left))
 
 
 def unreached(
@@ -120,28 +139,29 @@ def _pairs(linear: LinearModel) -> np.ndarray:
     return np.argsort(linear.order % max(len(linear.modes), 1), kind="stable")
 
 
-def _whole(linear: LinearModel) -> Part:
-    return Part(np.eye(len(linear.A)), ())
-
-
-def _part(linear: LinearModel, lost: np.ndarray, how: str, only: bool) -> Part:
-    first, *others = left = _named(linear, lost, how)
+def _allow(left: tuple[LeftOut, ...], how: str, only: bool) -> None:
+    first, *others = left
     if not only:
         more = f" (and {len(others)} more)" if others else ""
         raise SynthesisError(
             f"mode {first.index} at {first.frequency:.4g} Hz{more} is {how}: {first.reason}; give tendons or "
             "sensors that reach it, some damping, or design on the rest with stabilisable_only=True."
         )
-    return Part(sla.null_space(lost.T, rcond=0.5), left)
 
 
-def _named(linear: LinearModel, lost: np.ndarray, how: str) -> tuple[LeftOut, ...]:
-    """The modes of lost directions, each with what the analysis says of it: half as many as lost states."""
-    report = observability(linear) if "sensor" in how else controllability(linear)
-    reasons = {mode.index: mode.reason for mode in report.modes}
+def _named(linear: LinearModel, lost: np.ndarray, reasons: dict[int, str]) -> tuple[LeftOut, ...]:
+    """The modes of lost directions: half as many as lost states, those with a reason first."""
     share = np.zeros(len(linear.modes))
     np.add.at(share, linear.order % len(linear.modes), (lost**2).sum(axis=1))
-    names = sorted((k for k in np.flatnonzero(share > _TAKES_PART)), key=lambda k: not reasons[linear.modes[k].index])
+    names = sorted(np.flatnonzero(share > _TAKES_PART), key=lambda k: not reasons[linear.modes[k].index])
     kept = sorted(names[: max(1, -(-lost.shape[1] // 2))])
     chosen = [linear.modes[k] for k in kept]
-    return tuple(LeftOut(m.index, m.frequency, reasons[m.index] or how) for m in chosen)
+    return tuple(LeftOut(m.index, m.frequency, reasons[m.index] or "beside others out of reach") for m in chosen)
+
+
+def _why_not_seen(linear: LinearModel, C: np.ndarray, position: int) -> str:
+    half = len(linear.modes)
+    columns = np.flatnonzero(linear.order % half == position)
+    if np.abs(C[:, columns]).max(initial=0.0) <= _REACHED * np.abs(C).max(initial=0.0):
+        return "no sensor changes with this mode at first order"
+    return "symmetry: the sensors tell not all directions of this repeated frequency apart"

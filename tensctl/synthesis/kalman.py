@@ -1,0 +1,86 @@
+"""The Kalman filter: the dual of LQR, A' for A and C' for B, noise for weights.
+
+    continuous  AX + XA' - XC' V^-1 CX + W = 0,               gain XC' V^-1
+    sampled     X = F X F' - F X C'(C X C' + V)^-1 C X F' + W,   gain XC'(C X C' + V)^-1
+
+W holds white forces on the nodes: their intensity in the continuous equation, what they leave behind in a period in the
+sampled one, whose X is the covariance just before a sample is seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+from tensctl.linear import LinearModel
+from tensctl.structure.labels import by_label
+from tensctl.synthesis.crossed import optimal
+from tensctl.synthesis.shown import shown
+from tensctl.synthesis.weights import Cost
+
+ADVICE = "raise the noise of the sensors, or that of the forces"
+
+
+@dataclass(frozen=True, eq=False)
+class Kalman:
+    """A filter for x' = A x + w, y = C x + v, or the sampled one.
+
+    Attributes
+    ----------
+    W, V : covariances or intensities of process and sensor noise
+    X : (n, n)
+        Covariance of the error; before a sample is seen, in the sampled filter.
+    gain : (n, ny)
+    residual : float
+        What is left of the Riccati equation, over the sum of its terms.
+    """
+
+    W: Float[np.ndarray, "n n"]
+    V: Float[np.ndarray, "ny ny"]
+    X: Float[np.ndarray, "n n"]
+    gain: Float[np.ndarray, "n ny"]
+    residual: float
+
+
+def kalman(A: np.ndarray, C: np.ndarray, W: np.ndarray, V: np.ndarray, *, sampled: bool = False) -> Kalman:
+    """The filter with the least covariance of its error.
+
+    Raises
+    ------
+    SynthesisError
+        When no stabilising solution is found.
+    """
+    dual = Cost(W, V, np.zeros(C.T.shape))
+    found = optimal(A.T, C.T, dual, sampled=sampled, advice=ADVICE)
+    gain = np.linalg.solve(V + C @ found.P @ C.T, C @ found.P).T if sampled else found.K.T
+    return Kalman(W, V, found.P, gain, found.residual)
+
+
+def white_forces(linear: LinearModel, forces: float | Mapping[str, float]) -> Float[np.ndarray, "nx nx"]:
+    """Intensity of independent white forces on the free nodes in the states of a model.
+
+    Parameters
+    ----------
+    forces : N s^1/2
+        Root of the intensity in each direction: after t seconds the momentum that it left has the standard deviation
+        forces t^1/2. A number, or a table by node label pattern.
+
+    Raises
+    ------
+    SynthesisError
+        A negative intensity.
+    """
+    structure = linear.dynamics.structure
+    root = by_label(structure.node_labels, forces, "force_noise", 0.0)
+    if not (root >= 0).all():
+        raise SynthesisError(f"force_noise is {root.min():g}; a number >= 0 is expected, in N s^1/2.")
+    C, half = shown(linear, "nodes").C, len(linear.modes)
+    unsorted = np.empty_like(C)
+    unsorted[:, linear.order] = C
+    moved = unsorted[:, :half] * linear.scales * root[np.flatnonzero(structure.free) // 3, None]
+    drive = np.vstack([np.zeros((half, len(moved))), moved.T])[linear.order]
+    return drive @ drive.T

@@ -1,0 +1,252 @@
+"""LQG: a Kalman filter on noisy sensors and LQR on its estimate, judged on the loop that both close.
+
+    u_(k+1) = -K (z_k, u_k),   z the estimate of the flexible states from lengths, tensions or positions
+
+The poles of the loop are those of the regulator and of the filter together (separation); the loop's own spectrum, its
+margins and its covariance are computed from its matrices and say so, or not. A reduced controller keeps the form of an
+estimator, so saturated rest lengths do not mislead it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.optimize as so
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+from tensctl.linear import LinearModel, sample_ramped
+from tensctl.synthesis.checked import checked_cost
+from tensctl.synthesis.crossed import Optimum, optimal
+from tensctl.synthesis.estimator import Estimator, Plant, kalman_estimator
+from tensctl.synthesis.feedback import command
+from tensctl.synthesis.kalman import Kalman, kalman, white_forces
+from tensctl.synthesis.loop import Loop, close
+from tensctl.synthesis.lyapunov import Lyapunov
+from tensctl.synthesis.margins import DiskMargin
+from tensctl.synthesis.over_period import integral, ramped_cost
+from tensctl.synthesis.reduced import reduced
+from tensctl.synthesis.sensors import Reading, Sensors
+from tensctl.synthesis.stabilisable import LeftOut, controlled_part
+from tensctl.synthesis.truncation import Truncated
+from tensctl.synthesis.weights import Cost
+from tensctl.threads import one_blas_thread
+
+
+@dataclass(frozen=True, eq=False)
+class LQG:
+    """Output feedback about an equilibrium; a controller with `step` and `reset` when it was designed with a period.
+
+    Attributes
+    ----------
+    linear : LinearModel
+        The flexible model.
+    sensors : Sensors
+        What it is shown.
+    basis : (nx, n)
+        Orthonormal basis of the states z that it is about; all of them unless some were left.
+    left : tuple of LeftOut
+        Modes that were left out when that was asked for.
+    plant : Plant
+        In coordinates z.
+    cost, period_cost : Cost
+        Weights on z and u; their integral over a ramped period (the same in continuous time).
+    regulator : Optimum
+    filter : Kalman
+    estimator : Estimator
+        As it runs.
+    reduction : Truncated or None
+        How its states were reduced.
+    """
+
+    linear: LinearModel
+    sensors: Sensors
+    basis: Float[np.ndarray, "nx n"]
+    left: tuple[LeftOut, ...]
+    plant: Plant
+    cost: Cost
+    period_cost: Cost
+    regulator: Optimum
+    filter: Kalman
+    estimator: Estimator
+    reduction: Truncated | None = None
+
+    @property
+    def dt(self) -> float | None:
+        """Control period, s; None in continuous time."""
+        return None if self.plant.sampled is None else self.plant.sampled.dt
+
+    @property
+    def order(self) -> int:
+        """States of the controller."""
+        return self.estimator.order
+
+    @cached_property
+    def loop(self) -> Loop:
+        """The closed loop of the linear model and the controller."""
+        return close(self.plant, self.estimator)
+
+    @cached_property
+    def separation(self) -> float | None:
+        """Distance of the loop's poles to those of regulator and filter, over the largest; None of reduced order."""
+        if self.reduction is not None:
+            return None
+        K, n = self.regulator.K, len(self.plant.A)
+        if self.plant.sampled is None:
+            regulated, extra = self.plant.A - self.plant.B @ K, 0
+        else:
+            A, B = self.plant.sampled.with_input_state()
+            regulated, extra = A - B @ K, len(self.loop.A) - 2 * n - len(K)
+        poles = np.concatenate([np.linalg.eigvals(regulated), np.linalg.eigvals(self.estimator.Phi), np.zeros(extra)])
+        gaps = np.abs(self.loop.spectrum[:, None] - poles)
+        return float(gaps[so.linear_sum_assignment(gaps)].max() / np.abs(poles).max())
+
+    @cached_property
+    def margins(self) -> tuple[DiskMargin, tuple[DiskMargin, ...]]:
+        """Disk margins at the plant's inputs: of all at once, and of each alone."""
+        return self.loop.sensitivity.margins()
+
+    @cached_property
+    def covariance(self) -> Lyapunov:
+        """Covariance of the loop's state under the noise that it was designed for."""
+        return self.loop.noise(self.filter.W, self.filter.V)
+
+    @property
+    def expected_cost(self) -> float:
+        """Cost rate (cost of a period when sampled) that noise keeps up: the square of the loop's H2 norm."""
+        return self.loop.cost(self.covariance.X, self.period_cost)
+
+    def reset(self) -> None:
+        """Forget the estimate: the structure is at its equilibrium."""
+        self._recall({})
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The estimate and the inputs at the last sample."""
+        return dict(vars(self).get("_memory", {}))
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from this estimate."""
+        self._recall(state)
+
+    def step(self, t: float, measurement: Reading) -> Float[np.ndarray, " nu"]:
+        """Total rest-length change u from L0, m, kept above the rest-length floors.
+
+        Raises
+        ------
+        SynthesisError
+            For a design in continuous time, or when more than the sensors' reading is shown.
+        """
+        if self.dt is None:
+            raise SynthesisError("this LQG was designed in continuous time; give lqg a control period dt to run it.")
+        if not isinstance(measurement, Reading):
+            raise SynthesisError(
+                "LQG is shown what its sensors read; give step(t, lqg.sensors.read(measurement, sample))."
+            )
+        e, rest = self.estimator, self.linear.equilibrium
+        u = measurement.inputs - rest.inputs
+        estimate = e.seen @ (measurement.values - self.sensors.of(rest) - self.plant.D @ u)
+        last = self.state()
+        if last:
+            estimate = estimate + e.Phi @ last["estimate"] + e.before @ last["inputs"] + e.now @ u
+        self._recall({"estimate": estimate, "inputs": u})
+        return command(self.linear, -(e.C @ estimate + e.direct @ u))
+
+    def _recall(self, memory: dict[str, np.ndarray]) -> None:
+        vars(self)["_memory"] = dict(memory)
+
+    def verify(self, tol: float = 1e-9) -> None:
+        """Check both Riccati residuals, the loop's stability, separation and the covariance.
+
+        Raises
+        ------
+        SynthesisError
+            With the number that fails.
+        """
+        for name, left in (
+            ("regulator's Riccati residual", self.regulator.residual),
+            ("filter's Riccati residual", self.filter.residual),
+            ("covariance's residual", self.covariance.residual),
+        ):
+            if not left <= tol:
+                raise SynthesisError(f"the {name} is {left:.1e}; at most {tol:.0e} is expected.")
+        if not self.loop.stability < 0:
+            raise SynthesisError(
+                f"the closed loop is not stable: its slowest pole misses by {self.loop.stability:.1e}."
+            )
+        # Poles that nearly coincide move by the root of rounding.
+        if self.separation is not None and not self.separation <= np.sqrt(tol):
+            raise SynthesisError(f"the loop's poles miss those of regulator and filter by {self.separation:.1e}.")
+
+
+@one_blas_thread()
+def lqg(
+    linear: LinearModel,
+    sensors: Sensors,
+    *,
+    cost: Cost | None = None,
+    force_noise: float | Mapping[str, float] = 0.1,
+    dt: float | None = None,
+    order: int | None = None,
+    stabilisable_only: bool = False,
+) -> LQG:
+    """Design output feedback on the flexible modes of a linear model.
+
+    Parameters
+    ----------
+    linear : LinearModel
+    sensors : Sensors
+        From `sensors(structure, lengths=..., ...)`; their noise is that of each sample, or without `dt` the root of
+        its intensity (m s^1/2, N s^1/2).
+    cost : Cost, optional
+        From `weights`; energies by default.
+    force_noise : N s^1/2
+        Root of the intensity of white forces on the free nodes in each direction; a number, or a table by node pattern.
+        After t seconds the momentum that such a force left has the standard deviation force_noise t^1/2.
+    dt : float, s, optional
+        Control period; without it the continuous problem, which can be judged but not run.
+    order : int, optional
+        States of the controller; its loop is verified to be stable.
+    stabilisable_only : bool
+        Leave out modes that are not damped and not driven or not seen, and list them in `left`.
+
+    Raises
+    ------
+    SynthesisError
+        A mode out of reach, noise or weights that leave no solution, or an order whose loop is not stable.
+    """
+    flexible = linear.flexible
+    if sensors.structure is not flexible.dynamics.structure:
+        raise SynthesisError("the sensors belong to another structure; make them for linear.dynamics.structure.")
+    if dt is not None and not (np.isfinite(dt) and dt > 0):
+        raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
+    cost = checked_cost(flexible, None, None, None, cost)
+    C, D = sensors.rows(flexible)
+    part = controlled_part(flexible, C, only=stabilisable_only)
+    T = part.basis
+    inside = Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
+    plant = _plant(T.T @ flexible.A @ T, T.T @ flexible.B, C @ T, D, dt)
+    W = T.T @ white_forces(flexible, force_noise) @ T
+    return _design(flexible, sensors, part.left, T, plant, inside, W, order)
+
+
+def _plant(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float | None) -> Plant:
+    return Plant(A, B, C, D, None if dt is None else sample_ramped(A, B, dt))
+
+
+def _design(flexible, sensors, left, T, plant: Plant, cost: Cost, W: np.ndarray, order: int | None) -> LQG:
+    V = np.diag(sensors.noise**2)
+    if plant.sampled is None:
+        regulator = optimal(plant.A, plant.B, cost)
+        found, period_cost = kalman(plant.A, plant.C, W, V), cost
+    else:
+        dt = plant.sampled.dt
+        period_cost = ramped_cost(plant.A, plant.B, cost, dt)
+        regulator = optimal(*plant.sampled.with_input_state(), period_cost, sampled=True)
+        found = kalman(plant.sampled.F, plant.C, integral(plant.A.T, W, dt)[1], V, sampled=True)
+    estimator, reduction = kalman_estimator(plant, found.gain, regulator.K), None
+    if order is not None:
+        estimator, reduction = reduced(plant, estimator, regulator.K, cost.R, order)
+    return LQG(flexible, sensors, T, left, plant, cost, period_cost, regulator, found, estimator, reduction)

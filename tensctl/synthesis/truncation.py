@@ -1,0 +1,183 @@
+"""Fewer states: balanced and modal truncation of stable systems, with their error bounds.
+
+    balanced   |G - G_r|_inf <= 2 (sum of the Hankel values left out)          Moore 1981, Enns 1984, Glover 1984
+    modal      |G - G_r|_inf <= sum of |C v_i| |w_i* B| / |Re lambda_i| of the poles left out
+
+Balancing works on factors Z of the Gramians Z Z' (squared Smith iteration), never on the Gramians: Hankel values are
+then good to 1e-15 of the largest, where those from Gramians end at 1e-8. A mode without damping has no Gramian on an
+infinite horizon, because it rings for ever: state a damping, a finite horizon, or reduce the controller of the closed
+loop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+
+# Doublings of the Smith iteration: powers up to 2^60 decay unless a pole stands within rounding of the boundary.
+_STEPS = 60
+# Hankel values below this part of the largest are rounding: states that nothing drives or nobody sees.
+_NOISE = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Truncated:
+    """A system of fewer states, z_r = left z, z ~ right z_r.
+
+    Attributes
+    ----------
+    A, B, C : matrices
+    left, right : (r, n), (n, r)
+    values : (n,)
+        Hankel values, or the modal bounds of single poles, descending.
+    bound : float or None
+        No gain of the difference to the full system is larger, at any frequency; None where no bound is proven.
+    """
+
+    A: Float[np.ndarray, "r r"]
+    B: Float[np.ndarray, "r m"]
+    C: Float[np.ndarray, "p r"]
+    left: Float[np.ndarray, "r n"]
+    right: Float[np.ndarray, "n r"]
+    values: Float[np.ndarray, " n"]
+    bound: float | None
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+
+def balanced(A: np.ndarray, B: np.ndarray, C: np.ndarray, order: int, *, sampled: bool = False) -> Truncated:
+    """Balanced truncation of a stable system.
+
+    Raises
+    ------
+    SynthesisError
+        An order outside 1..n, or a system that is not stable.
+    """
+    check_order(order, len(A))
+    reach, sight = gramian_factor(A, B, sampled=sampled), gramian_factor(A.T, C.T, sampled=sampled)
+    return balance(A, B, C, reach, sight, order)
+
+
+def balance(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, reach: np.ndarray, sight: np.ndarray, order: int
+) -> Truncated:  # fmt: skip
+    """Truncate by given factors of the Gramians; the bound holds for those of the infinite horizon."""
+    check_order(order, len(A))
+    U, values, Vt = np.linalg.svd(sight.T @ reach)
+    kept = values[:order]
+    if not kept[-1] > _NOISE * values[0]:
+        count = int((values > _NOISE * values[0]).sum())
+        raise SynthesisError(f"order is {order}, but only {count} states are both driven and seen; ask for fewer.")
+    right = reach @ Vt[:order].T / np.sqrt(kept)
+    left = (sight @ U[:, :order] / np.sqrt(kept)).T
+    return Truncated(left @ A @ right, left @ B, C @ right, left, right, values, 2 * float(values[order:].sum()))
+
+
+def modal(A: np.ndarray, B: np.ndarray, C: np.ndarray, order: int) -> Truncated:
+    """Keep the poles with the largest bounds; conjugate pairs stay together, so an order may come out one smaller.
+
+    Raises
+    ------
+    SynthesisError
+        An order outside 1..n, or a pole without damping.
+    """
+    check_order(order, len(A))
+    poles, vectors = np.linalg.eig(A)
+    _check_stable(poles, sampled=False)
+    rows = np.linalg.inv(vectors)
+    gains = np.linalg.norm(C @ vectors, axis=0) * np.linalg.norm(rows @ B, axis=1) / np.abs(np.real(poles))
+    upper = np.flatnonzero(np.imag(poles) >= 0)
+    kept: list[int] = []
+    count = 0
+    for k in upper[np.argsort(-gains[upper], kind="stable")]:
+        size = 1 + int(np.imag(poles[k]) > 0)
+        if count + size <= order:
+            kept.append(int(k))
+            count += size
+    right = np.hstack([_real(vectors[:, [k]]) for k in kept] or [np.zeros((len(A), 0))])
+    # Rows that belong to Re v and Im v: those of the inverse of the whole real basis.
+    basis = np.hstack([_real(vectors[:, [k]]) for k in [*kept, *(k for k in upper if k not in kept)]])
+    left = np.linalg.inv(basis)[: right.shape[1]]
+    rest = np.ones(len(A), bool)
+    rest[kept] = False
+    for k in kept:
+        rest[np.abs(poles - poles[k].conj()).argmin()] = False
+    values = np.sort(gains)[::-1]
+    return Truncated(left @ A @ right, left @ B, C @ right, left, right, values, float(gains[rest].sum()))
+
+
+def gramian_factor(A: np.ndarray, B: np.ndarray, *, sampled: bool = False) -> Float[np.ndarray, "n k"]:
+    """Z with Z Z' the Gramian of (A, B), by squaring: Z <- (Z, A Z), A <- A^2; a Cayley transform for continuous time.
+
+    Raises
+    ------
+    SynthesisError
+        When A is not stable.
+    """
+    poles = np.linalg.eigvals(A)
+    _check_stable(poles, sampled)
+    Z = B
+    if not sampled:
+        sizes = np.abs(poles)
+        gamma = float(np.sqrt(sizes.min() * sizes.max()))
+        shifted = np.linalg.inv(gamma * np.eye(len(A)) - A)
+        A, Z = (A + gamma * np.eye(len(A))) @ shifted, np.sqrt(2 * gamma) * shifted @ B
+    for _ in range(_STEPS):
+        more = A @ Z
+        Z = compressed(np.hstack([Z, more]))
+        if np.linalg.norm(more) <= np.finfo(float).eps * np.linalg.norm(Z):
+            break
+        A = A @ A
+    return Z
+
+
+def horizon_factor(A: np.ndarray, B: np.ndarray, T: float) -> Float[np.ndarray, "n k"]:
+    """Z with Z Z' = int_0^T exp(At) B B' exp(A't) dt: Gauss points of a short step, then doubled."""
+    halvings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(A, 2) * T, 1.0)))))
+    h = T / 2**halvings
+    points, shares = np.polynomial.legendre.leggauss(10)
+    Z = np.hstack([
+        np.sqrt(0.5 * h * share) * sla.expm(0.5 * h * (1 + point) * A) @ B
+        for point, share in zip(points, shares, strict=True)
+    ])  # fmt: skip
+    E = sla.expm(h * A)
+    for _ in range(halvings):
+        Z, E = compressed(np.hstack([Z, E @ Z])), E @ E
+    return compressed(Z)
+
+
+def compressed(Z: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n r"]:
+    """A factor with the same Z Z' and no more columns than rows."""
+    if Z.shape[1] <= len(Z):
+        return Z
+    U, s, _ = np.linalg.svd(Z, full_matrices=False)
+    return U * s
+
+
+def check_order(order: int, size: int) -> None:
+    """Refuse an order that is no whole number from 1 to the number of states."""
+    if int(order) != order or not 1 <= order <= size:
+        raise SynthesisError(f"order is {order}; a whole number from 1 to {size} is expected.")
+
+
+def _check_stable(poles: np.ndarray, sampled: bool) -> None:
+    decay = 1 - np.abs(poles) if sampled else -np.real(poles) / np.abs(poles).max(initial=1e-300)
+    if not decay.min(initial=np.inf) > len(poles) * np.finfo(float).eps:
+        raise SynthesisError(
+            "a mode is not damped: it rings for ever, so it has no Gramian and no bounded gain; state a damping, a "
+            "finite horizon, or reduce the controller of the closed loop with lqg(..., order=...)."
+        )
+
+
+def _real(vectors: np.ndarray) -> np.ndarray:
+    """Real basis of the span of an eigenvector and its conjugate, or of a real one."""
+    parts = np.hstack([np.real(vectors), np.imag(vectors)])
+    return parts if np.abs(parts[:, 1]).max() > 0 else parts[:, :1]
