@@ -18,6 +18,9 @@ from tensctl.errors import OutputError
 MARK = "summary.json"
 """The file by which a result folder is known; every result has it."""
 
+UNFINISHED = "unfinished"
+"""Folder in a result folder with a run that goes to disk while it goes on; no result, and gone when there is one."""
+
 _OWN = ".tensctl-files"  # names of the result's own entries, one a line
 _ASIDE = ".tensctl-aside-"  # start of the name of a folder that a result is written into
 
@@ -59,7 +62,8 @@ def _refuse_what_is_no_result(target: Path) -> None:
         return
     if not target.is_dir():
         raise OutputError(f"{target} is a file; expected a folder, new or with an earlier result.")
-    holds_files = any(not entry.name.startswith(_ASIDE) for entry in target.iterdir())
+    names = [entry.name for entry in target.iterdir()]
+    holds_files = any(not name.startswith(_ASIDE) and name != UNFINISHED for name in names)
     if holds_files and not (target / MARK).is_file():
         raise OutputError(
             f"{target} holds files but no {MARK}, so it is no earlier result; "

@@ -55,6 +55,24 @@ def run(scene: SceneFile, /, *, out: Out | None = None, quiet: Flag = False) -> 
 
 
 @app.command
+def resume(
+    out: Annotated[Path, Parameter(help="Folder that tensctl run was given.")], /, *, quiet: Flag = False
+) -> None:
+    """Go on with a run that was stored while it went on (simulation.store = true) and was cut short.
+
+    Parameters
+    ----------
+    quiet
+        Say nothing but where the results are.
+    """
+    from tensctl.pipeline import go_on
+    from tensctl.progress import Progress
+
+    go_on(out, progress=Progress(quiet=quiet))
+    print(f"results: {out}")
+
+
+@app.command
 def check(scene: SceneFile, /) -> None:
     """Read the scene, build its structure and say what it has; compute nothing."""
     asked = _load(scene)

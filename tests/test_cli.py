@@ -128,12 +128,12 @@ def test_run_names_its_folder_after_the_scene(scene, pipeline):
     assert str(pipeline.asked[1]) == "out/mast"
 
 
-@pytest.mark.parametrize("command", ["run", "check", "explain", "accuracy", "export"])
+@pytest.mark.parametrize("command", ["run", "check", "explain", "accuracy", "export", "resume"])
 def test_help_names_every_command(capsys, command):
     assert main(["--help"]) == 0
     assert command in capsys.readouterr().out
     assert main([command, "--help"]) == 0
-    assert "SCENE" in capsys.readouterr().out
+    assert ("OUT" if command == "resume" else "SCENE") in capsys.readouterr().out
 
 
 def test_version(capsys):

@@ -177,7 +177,7 @@ class TestGoingOn:
         with pytest.raises(StoppedError):
             tc.simulate(*shell, store=tmp_path / "cut.nc", **given)
         monkeypatch.undo()
-        monkeypatch.setattr(choose, "_fitting", lambda *_: ("dopri5", "another time"))
+        monkeypatch.setattr(choose, "fitting", lambda *_: ("dopri5", "another time"))
         assert tc.resume(shell[0], tmp_path / "cut.nc").method == "splitting6"
         xr.testing.assert_identical(contents(tmp_path / "cut.nc"), contents(tmp_path / "whole.nc"))
 

@@ -13,19 +13,22 @@ from typing import TYPE_CHECKING
 from tensctl.atomic import replaced_folder
 from tensctl.errors import EquilibriumError, SimulationError
 from tensctl.pipeline.results import Results
+from tensctl.pipeline.unfinished import Unfinished
 from tensctl.progress import Progress
 from tensctl.statics import Equilibrium, Stability, find_equilibrium
 
 if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.scene import Scene
+    from tensctl.simulation import Run
 
 
 class _Clock:
-    """Wall time of each stage."""
+    """Wall time of each stage; and where a run goes that is stored while it goes on."""
 
-    def __init__(self, progress: Progress) -> None:
-        self.progress, self.seconds = progress, dict[str, float]()
+    def __init__(self, progress: Progress | None = None, unfinished: Unfinished | None = None) -> None:
+        self.progress, self.seconds = Progress(quiet=True) if progress is None else progress, dict[str, float]()
+        self.unfinished = unfinished
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -56,20 +59,47 @@ def run(scene: Scene, out: str | Path, *, progress: Progress | None = None) -> R
     TensctlError
         One sentence that says what cannot be done and what to try.
     """
-    clock = _Clock(Progress(quiet=True) if progress is None else progress)
+    unfinished = Unfinished.under(out)
+    if _stores(scene):
+        unfinished.refuse_if_begun()
+    return _run(scene, out, _Clock(progress, unfinished))
+
+
+def go_on(out: str | Path, *, progress: Progress | None = None) -> Results:
+    """Go on with a run that `run` stored and did not end, and write the results as if it had never stopped.
+
+    The stages before the run are gone through again, from the scene that was kept with it; the run itself goes on from
+    its last chunk, to the same last bit on the same machine with the same libraries.
+
+    Raises
+    ------
+    TensctlError
+        When the folder holds no unfinished run, and as `run`.
+    """
+    unfinished = Unfinished.under(out)
+    return _run(unfinished.scene(), out, _Clock(progress, unfinished))
+
+
+def _run(scene: Scene, out: str | Path, clock: _Clock) -> Results:
     with replaced_folder(out) as folder:
         results = _compute(scene, clock)
         _write(results, folder, clock)
+    if _stores(scene) and clock.unfinished is not None:
+        clock.unfinished.remove()
     return results
 
 
 def study(scene: Scene) -> Study:
     """What the tendons of a scene can do, and nothing else: what `tensctl controllability` prints."""
     asked = {} if scene.controllability is None else scene.controllability
-    later = dict.fromkeys(("lqr", "mpc", "target", "simulation", "report"))
-    found = _compute(scene.replaced(**later, controllability=asked), _Clock(Progress(quiet=True))).study
+    later = dict.fromkeys(("lqr", "mpc", "target", "simulation", "accuracy", "report"))
+    found = _compute(scene.replaced(**later, controllability=asked), _Clock()).study
     assert found is not None
     return found
+
+
+def _stores(scene: Scene) -> bool:
+    return scene.simulation is not None and scene.simulation.store
 
 
 def _compute(scene: Scene, clock: _Clock) -> Results:
@@ -201,25 +231,34 @@ def _simulate(results: Results, clock: _Clock) -> Results:
     from tensctl.simulation import control_steps, simulate
     from tensctl.simulation.asked import loads_of, schedule_of, start_of
 
-    asked = results.scene.simulation
+    asked, dynamics = results.scene.simulation, results.dynamics
     assert asked is not None
-    assert results.dynamics is not None
+    assert dynamics is not None
     controller = {"none": None, "lqr": results.lqr, "mpc": results.mpc}[asked.controller]
-    rate_max = None if results.scene.mpc is None else results.scene.mpc.rate_max
     steps = 1 if controller is None else control_steps(asked.t_end, controller.dt)
     with clock.stage("simulation"):
-        run = simulate(
-            results.dynamics,
-            start_of(asked, results.dynamics, results.equilibrium),
-            controller=controller,
-            t_end=asked.t_end,
-            rate_max=rate_max,
-            pushes=loads_of(asked),
-            schedule=schedule_of(asked),
-            method=asked.method,
-            tol=asked.tol,
-            progress=clock.progress.track(steps, "closed loop"),
-        )
+        progress = clock.progress.track(steps, "closed loop")
+
+        def simulated(store: Path | None = None) -> Run:
+            return simulate(
+                dynamics,
+                start_of(asked, dynamics, results.equilibrium),
+                controller=controller,
+                t_end=asked.t_end,
+                rate_max=None if results.scene.mpc is None else results.scene.mpc.rate_max,
+                pushes=loads_of(asked),
+                schedule=schedule_of(asked),
+                method=asked.method,
+                tol=asked.tol,
+                store=store,
+                chunk=asked.chunk,
+                progress=progress,
+            )
+
+        if asked.store and clock.unfinished is not None:
+            run = clock.unfinished.run(results.scene, dynamics, controller, progress, simulated)
+        else:
+            run = simulated()
     return replace(results, run=run)
 
 

@@ -107,7 +107,7 @@ def _mpc(results: Results) -> dict | None:
         "dt_s": mpc.dt,
         "variables": certificate.variables,
         "constraints": certificate.constraints,
-        "statuses": dict(Counter(str(record.status) for record in mpc.records)),
+        "statuses": dict(Counter(run.status[np.isin(run.time, run.sample_time)].tolist())),
         "median_step_s": float(np.median(run.solve_time)),
         "worst_step_s": float(run.solve_time.max()),
         "worst_kkt": float(run.kkt[np.isfinite(run.kkt)].max(initial=0.0)),

@@ -138,6 +138,8 @@ class SimulationStage(Section):
     method: Literal["auto", Method] = "auto"
     tol: Tolerance = 1e-10
     start: Literal["auto", "nodes", "equilibrium"] = "auto"
+    store: bool = Field(default=False, strict=True)
+    chunk: Annotated[int, Number("records", least=1, whole=True)] = 100
     velocity: Annotated[tuple[float, float, float] | None, Vector("m/s")] = None
     spin: Annotated[tuple[float, float, float] | None, Vector("rad/s")] = None
     push: tuple[PushRequest, ...] = ()

@@ -29,7 +29,7 @@ def resume(
         What `simulate` was given as `store`.
     controller : optional
         The controller of the run. It offers `state()`, a dict of arrays that holds all that it remembers, and
-        `restore(state)`: LQR does, MPC does not.
+        `restore(state)`: LQR and MPC do.
 
     Returns
     -------

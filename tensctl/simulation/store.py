@@ -134,6 +134,15 @@ def read_stored(path: Path, dynamics: Dynamics) -> Stored:
     return Stored(request, state, count, status)
 
 
+def is_complete(path: Path) -> bool:
+    """Whether every record that was asked for is in a stored run."""
+    import h5py
+
+    mend(path)
+    with h5py.File(path, "r") as file:
+        return len(_dataset(file, "time")) == len(_dataset(_group(file, _GROUP), "times"))
+
+
 def fingerprints(dynamics: Dynamics) -> dict[str, str]:
     """Hashes of what must be the same when a run goes on."""
     members = dynamics.members

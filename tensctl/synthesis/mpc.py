@@ -10,7 +10,6 @@ acceptable answer the last plan is shifted and clipped to the hard limits.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -25,7 +24,7 @@ from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, Weights, condense
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.lqr import Measured
-from tensctl.synthesis.qp import QP, Solution, Solver
+from tensctl.synthesis.qp import QP, Solver
 from tensctl.synthesis.qp_solvers import blank, new_solver
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.relaxed import relax
@@ -143,6 +142,15 @@ class MPC:
         self._plan = None
         self.records = []
 
+    def state(self) -> dict[str, np.ndarray]:
+        """All that later steps depend on: the last plan, total rest-length changes (N, nu) m; none before the first."""
+        return {} if self._plan is None else {"plan": self._plan}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from the last plan; records begin anew."""
+        self.reset()
+        self._plan = state.get("plan")
+
     @property
     def problem(self) -> Condensed:
         """The condensed problem at the end of the reference."""
@@ -208,16 +216,17 @@ class MPC:
             if equilibrium is not linear.equilibrium:
                 linear = linearize(linear.dynamics, equilibrium, outputs=()).flexible
             piece = _Piece(linear, condense(linear, self.horizon, self.dt, self.weights))
-            piece.solvers[self.order[0]] = new_solver(self.order[0], blank(piece.problem))
+            self._solver(piece, self.order[0], "")
             self._pieces[knot] = piece
         return self._pieces[knot]
 
     def _solve(self, piece: _Piece, limits: Limits) -> tuple[np.ndarray, str, float]:
         """Plan (N, nu), status and KKT residual: hard problem first, then relaxed, then the shifted plan."""
         qp = limits.assemble(piece.problem)
-        for suffix, build in (("", lambda: qp), (" relaxed", lambda: relax(qp, self.horizon))):
+        for suffix in ("", " relaxed"):
+            asked = relax(qp, self.horizon) if suffix else qp
             for name in self.order:
-                solution = self._ask(piece, name, suffix, build)
+                solution = self._solver(piece, name, suffix).solve(asked)
                 if solution.z is not None and solution.kkt <= _ACCEPT:
                     plan = solution.z[: qp.f.size].reshape(self.horizon, -1)
                     return plan, name + suffix, solution.kkt
@@ -225,11 +234,12 @@ class MPC:
                     break
         return self._shifted(limits), "fallback", np.nan
 
-    def _ask(self, piece: _Piece, name: str, suffix: str, build: Callable[[], QP]) -> Solution:
-        qp = build()
+    def _solver(self, piece: _Piece, name: str, suffix: str) -> Solver:
+        """The solver set up for the problem at rest, never for one met on the way: answers must not know the past."""
         if name + suffix not in piece.solvers:
-            piece.solvers[name + suffix] = new_solver(name, qp)
-        return piece.solvers[name + suffix].solve(qp)
+            rest = blank(piece.problem)
+            piece.solvers[name + suffix] = new_solver(name, relax(rest, self.horizon) if suffix else rest)
+        return piece.solvers[name + suffix]
 
     def _shifted(self, limits: Limits) -> np.ndarray:
         """Deviation plan that holds what the last plan would do next (or where the rest lengths are)."""

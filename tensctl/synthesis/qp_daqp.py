@@ -13,7 +13,7 @@ _INFEASIBLE = -1
 
 
 class DaqpSolver:
-    """Workspace that keeps the factor of H between solves."""
+    """Workspace that keeps the factor of H between solves; each begins without active constraints."""
 
     name = "daqp"
 

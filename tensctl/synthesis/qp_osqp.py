@@ -7,9 +7,16 @@ import scipy.sparse as sp
 
 from tensctl.synthesis.qp import QP, Solution, judged
 
+# Step size that every solve begins with; OSQP adapts it on the way.
+_RHO = 0.1
+
 
 class OsqpSolver:
-    """Workspace that keeps the factor of the KKT matrix between solves."""
+    """Workspace that keeps matrices and scaling between solves.
+
+    Every solve begins at zero, so that an answer depends on its problem and not on those before: a resumed run then
+    equals one in one go. Beginning at the last answer with the last step size would take 0.4 to 0.6 of the time.
+    """
 
     name = "osqp"
 
@@ -19,21 +26,24 @@ class OsqpSolver:
         self._refused = osqp.OSQPException
         self._solver = osqp.OSQP()
         rows = sp.vstack([sp.eye_array(qp.f.size), sp.csc_array(qp.A)], format="csc")
+        self._zero = np.zeros(qp.f.size), np.zeros(rows.shape[0])
         try:
             self._solver.setup(
                 sp.csc_matrix(np.triu(qp.H)), qp.f, sp.csc_matrix(rows), qp.lower, qp.upper,
-                eps_abs=tol, eps_rel=tol, max_iter=max_iterations, polishing=False, verbose=False,
+                eps_abs=tol, eps_rel=tol, max_iter=max_iterations, rho=_RHO, polishing=False, verbose=False,
             )  # fmt: skip
             self._ready = True
         except self._refused:
             self._ready = False
 
     def solve(self, qp: QP) -> Solution:
-        """Solve with new f and bounds, starting from the last answer; polish it when a bound is active."""
+        """Solve with new f and bounds; polish the answer when a bound is active."""
         if not self._ready:
             return judged(qp, None, None, "failed")
         try:
             self._solver.update(q=qp.f, l=qp.lower, u=qp.upper)
+            self._solver.update_settings(rho=_RHO)
+            self._solver.warm_start(*self._zero)
             result = self._solver.solve(raise_error=False)
             if result.info.status == "solved" and np.abs(result.y).max(initial=0.0) > 0:
                 result = self._polished()
