@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tensctl.atomic import replaced_folder
 from tensctl.errors import EquilibriumError, SimulationError
+from tensctl.pipeline.clock import Clock
+from tensctl.pipeline.motion import simulated
 from tensctl.pipeline.results import Results
 from tensctl.pipeline.unfinished import Unfinished
 from tensctl.progress import Progress
@@ -20,22 +19,6 @@ from tensctl.statics import Equilibrium, Stability, find_equilibrium
 if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.scene import Scene
-    from tensctl.simulation import Run
-
-
-class _Clock:
-    """Wall time of each stage; and where a run goes that is stored while it goes on."""
-
-    def __init__(self, progress: Progress | None = None, unfinished: Unfinished | None = None) -> None:
-        self.progress, self.seconds = Progress(quiet=True) if progress is None else progress, dict[str, float]()
-        self.unfinished = unfinished
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        began = time.perf_counter()
-        with self.progress.stage(name):
-            yield
-        self.seconds[name] = time.perf_counter() - began
 
 
 def run(scene: Scene, out: str | Path, *, progress: Progress | None = None) -> Results:
@@ -62,7 +45,7 @@ def run(scene: Scene, out: str | Path, *, progress: Progress | None = None) -> R
     unfinished = Unfinished.under(out)
     if _stores(scene):
         unfinished.refuse_if_begun()
-    return _run(scene, out, _Clock(progress, unfinished))
+    return _run(scene, out, Clock(progress, unfinished))
 
 
 def go_on(out: str | Path, *, progress: Progress | None = None) -> Results:
@@ -77,10 +60,10 @@ def go_on(out: str | Path, *, progress: Progress | None = None) -> Results:
         When the folder holds no unfinished run, and as `run`.
     """
     unfinished = Unfinished.under(out)
-    return _run(unfinished.scene(), out, _Clock(progress, unfinished))
+    return _run(unfinished.scene(), out, Clock(progress, unfinished))
 
 
-def _run(scene: Scene, out: str | Path, clock: _Clock) -> Results:
+def _run(scene: Scene, out: str | Path, clock: Clock) -> Results:
     with replaced_folder(out) as folder:
         results = _compute(scene, clock)
         _write(results, folder, clock)
@@ -93,7 +76,7 @@ def study(scene: Scene) -> Study:
     """What the tendons of a scene can do, and nothing else: what `tensctl controllability` prints."""
     asked = {} if scene.controllability is None else scene.controllability
     later = dict.fromkeys(("lqr", "mpc", "target", "simulation", "accuracy", "report"))
-    found = _compute(scene.replaced(**later, controllability=asked), _Clock()).study
+    found = _compute(scene.replaced(**later, controllability=asked), Clock()).study
     assert found is not None
     return found
 
@@ -102,7 +85,7 @@ def _stores(scene: Scene) -> bool:
     return scene.simulation is not None and scene.simulation.store
 
 
-def _compute(scene: Scene, clock: _Clock) -> Results:
+def _compute(scene: Scene, clock: Clock) -> Results:
     with clock.stage("equilibrium"):
         equilibrium = _held(find_equilibrium(scene), scene)
     results = Results(scene, equilibrium)
@@ -113,7 +96,7 @@ def _compute(scene: Scene, clock: _Clock) -> Results:
         (scene.target is not None, _plan),
         (scene.lqr is not None, _lqr),
         (scene.mpc is not None, _mpc),
-        (scene.simulation is not None, _simulate),
+        (scene.simulation is not None, simulated),
         (scene.simulation is not None, _inspect),
         (scene.mpc is not None and _controller(scene) == "mpc", _certify),
         (scene.accuracy is not None, _measure),
@@ -123,7 +106,7 @@ def _compute(scene: Scene, clock: _Clock) -> Results:
     return results
 
 
-def _model(results: Results, clock: _Clock) -> Results:
+def _model(results: Results, clock: Clock) -> Results:
     from tensctl.model import build_dynamics
 
     with clock.stage("model"):
@@ -153,7 +136,7 @@ def _held(equilibrium: Equilibrium, scene: Scene) -> Equilibrium:
     return equilibrium
 
 
-def _linearize(results: Results, clock: _Clock) -> Results:
+def _linearize(results: Results, clock: Clock) -> Results:
     from tensctl.linear import Mix, linearize
 
     assert results.dynamics is not None
@@ -167,7 +150,7 @@ def _linearize(results: Results, clock: _Clock) -> Results:
     return replace(results, linear=linear)
 
 
-def _controllability(results: Results, clock: _Clock) -> Results:
+def _controllability(results: Results, clock: Clock) -> Results:
     from tensctl.analysis import Study
 
     assert results.linear is not None
@@ -175,7 +158,7 @@ def _controllability(results: Results, clock: _Clock) -> Results:
         return replace(results, study=Study.of(results.linear, results.scene.controllability))
 
 
-def _plan(results: Results, clock: _Clock) -> Results:
+def _plan(results: Results, clock: Clock) -> Results:
     from tensctl.synthesis import plan_shape
 
     with clock.stage("shape path"):
@@ -193,7 +176,7 @@ def _at_target(results: Results):
     return linearize(results.dynamics, results.wanted, outputs=())
 
 
-def _lqr(results: Results, clock: _Clock) -> Results:
+def _lqr(results: Results, clock: Clock) -> Results:
     import numpy as np
 
     from tensctl.synthesis import lqr
@@ -208,7 +191,7 @@ def _lqr(results: Results, clock: _Clock) -> Results:
         return replace(results, lqr=lqr(flexible, Q, R))
 
 
-def _mpc(results: Results, clock: _Clock) -> Results:
+def _mpc(results: Results, clock: Clock) -> Results:
     from tensctl.synthesis import MPC, Weights
 
     asked = results.scene.mpc
@@ -227,42 +210,7 @@ def _mpc(results: Results, clock: _Clock) -> Results:
     return replace(results, mpc=mpc)
 
 
-def _simulate(results: Results, clock: _Clock) -> Results:
-    from tensctl.simulation import control_steps, simulate
-    from tensctl.simulation.asked import loads_of, schedule_of, start_of
-
-    asked, dynamics = results.scene.simulation, results.dynamics
-    assert asked is not None
-    assert dynamics is not None
-    controller = {"none": None, "lqr": results.lqr, "mpc": results.mpc}[asked.controller]
-    steps = 1 if controller is None else control_steps(asked.t_end, controller.dt)
-    with clock.stage("simulation"):
-        progress = clock.progress.track(steps, "closed loop")
-
-        def simulated(store: Path | None = None) -> Run:
-            return simulate(
-                dynamics,
-                start_of(asked, dynamics, results.equilibrium),
-                controller=controller,
-                t_end=asked.t_end,
-                rate_max=None if results.scene.mpc is None else results.scene.mpc.rate_max,
-                pushes=loads_of(asked),
-                schedule=schedule_of(asked),
-                method=asked.method,
-                tol=asked.tol,
-                store=store,
-                chunk=asked.chunk,
-                progress=progress,
-            )
-
-        if asked.store and clock.unfinished is not None:
-            run = clock.unfinished.run(results.scene, dynamics, controller, progress, simulated)
-        else:
-            run = simulated()
-    return replace(results, run=run)
-
-
-def _inspect(results: Results, clock: _Clock) -> Results:
+def _inspect(results: Results, clock: Clock) -> Results:
     from tensctl.simulation import inspect_run
     from tensctl.simulation.asked import loads_of
 
@@ -276,7 +224,7 @@ def _inspect(results: Results, clock: _Clock) -> Results:
     return replace(results, sanity=sanity)
 
 
-def _certify(results: Results, clock: _Clock) -> Results:
+def _certify(results: Results, clock: Clock) -> Results:
     from tensctl.pipeline.certificate import certify
 
     assert results.mpc is not None
@@ -285,7 +233,7 @@ def _certify(results: Results, clock: _Clock) -> Results:
         return replace(results, certificate=certify(results.mpc, results.run))
 
 
-def _measure(results: Results, clock: _Clock) -> Results:
+def _measure(results: Results, clock: Clock) -> Results:
     """Error against run time; without a reference to trust, the other results stand and the report says why."""
     from tensctl.accuracy import WorkPrecision, work_precision
 
@@ -300,7 +248,7 @@ def _measure(results: Results, clock: _Clock) -> Results:
     return replace(results, accuracy=measured)
 
 
-def _write(results: Results, folder: Path, clock: _Clock) -> None:
+def _write(results: Results, folder: Path, clock: Clock) -> None:
     from tensctl.pipeline.summary import summarise
 
     if results.run is not None:

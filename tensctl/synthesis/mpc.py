@@ -24,7 +24,7 @@ from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, Weights, condense
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.lqr import Measured
-from tensctl.synthesis.qp import QP, Solver
+from tensctl.synthesis.qp import QP, Solution, Solver
 from tensctl.synthesis.qp_solvers import blank, new_solver
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.relaxed import relax
@@ -226,13 +226,16 @@ class MPC:
         for suffix in ("", " relaxed"):
             asked = relax(qp, self.horizon) if suffix else qp
             for name in self.order:
-                solution = self._solver(piece, name, suffix).solve(asked)
+                solution = self._ask(piece, name, suffix, asked)
                 if solution.z is not None and solution.kkt <= _ACCEPT:
                     plan = solution.z[: qp.f.size].reshape(self.horizon, -1)
                     return plan, name + suffix, solution.kkt
                 if solution.status == "infeasible":
                     break
         return self._shifted(limits), "fallback", np.nan
+
+    def _ask(self, piece: _Piece, name: str, suffix: str, qp: QP) -> Solution:
+        return self._solver(piece, name, suffix).solve(qp)
 
     def _solver(self, piece: _Piece, name: str, suffix: str) -> Solver:
         """The solver set up for the problem at rest, never for one met on the way: answers must not know the past."""

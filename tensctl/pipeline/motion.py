@@ -1,0 +1,49 @@
+"""The stage that moves the structure: in one go, or stored while it goes on and taken up again after a break."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tensctl.pipeline.clock import Clock
+from tensctl.pipeline.results import Results
+
+if TYPE_CHECKING:
+    from tensctl.simulation import Run
+
+
+def simulated(results: Results, clock: Clock) -> Results:
+    """The run that the scene asks for."""
+    from tensctl.simulation import control_steps, simulate
+    from tensctl.simulation.asked import loads_of, schedule_of, start_of
+
+    asked, dynamics = results.scene.simulation, results.dynamics
+    assert asked is not None
+    assert dynamics is not None
+    controller = {"none": None, "lqr": results.lqr, "mpc": results.mpc}[asked.controller]
+    steps = 1 if controller is None else control_steps(asked.t_end, controller.dt)
+    with clock.stage("simulation"):
+        progress = clock.progress.track(steps, "closed loop")
+
+        def whole(store: Path | None = None) -> Run:
+            return simulate(
+                dynamics,
+                start_of(asked, dynamics, results.equilibrium),
+                controller=controller,
+                t_end=asked.t_end,
+                rate_max=None if results.scene.mpc is None else results.scene.mpc.rate_max,
+                pushes=loads_of(asked),
+                schedule=schedule_of(asked),
+                method=asked.method,
+                tol=asked.tol,
+                store=store,
+                chunk=asked.chunk,
+                progress=progress,
+            )
+
+        if asked.store and clock.unfinished is not None:
+            run = clock.unfinished.run(results.scene, dynamics, controller, progress, whole)
+        else:
+            run = whole()
+    return replace(results, run=run)
