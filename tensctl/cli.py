@@ -83,7 +83,7 @@ def check(scene: SceneFile, /) -> None:
         "nodes": len(structure.nodes),
         "rods": len(structure.rods),
         "tendons": len(structure.tendons),
-        "inputs": len(build_members(asked, structure).inputs),
+        "inputs": build_members(asked, structure).gearing.size,
     }
     if asked.title:
         print(asked.title)

@@ -13,11 +13,10 @@ from tensctl.linear import LinearModel
 
 
 def tension_slopes(linear: LinearModel) -> Float[np.ndarray, " nu"]:
-    """Growth of each acting tendon's tension with its shortening, dT/du, N/m; what the law gives, also when slack."""
+    """Growth of tension with each input, dT/du, N/m; what the law gives, also when slack; of a gang sum g^2 dT/du."""
     rest, members = linear.equilibrium, linear.dynamics.members
-    if members.law == "k":
-        return members.stiffness[members.inputs]
-    return (members.stiffness * rest.lengths / rest.rest_lengths**2)[members.inputs]
+    slopes = members.stiffness if members.law == "k" else members.stiffness * rest.lengths / rest.rest_lengths**2
+    return members.gearing.squares(slopes[members.inputs])
 
 
 def energy_inputs(linear: LinearModel) -> Float[np.ndarray, "nx nu"]:
@@ -29,6 +28,6 @@ def input_sizes(linear: LinearModel) -> Float[np.ndarray, " nu"]:
     """Bound on each column of B, for verdicts that no unit, stiffness or mass can move; 1 for slack tendons."""
     point, members = linear.equilibrium.point, linear.dynamics.members
     mass = point.potential.manifold.mass(members.mass)
-    force = abs(point.tangent).T @ abs(point.terms.input_map[:, members.inputs])
+    force = abs(point.tangent).T @ abs(point.terms.input_map[:, members.inputs] @ members.gearing.matrix)
     sizes = np.linalg.norm(force.toarray() / np.sqrt(mass)[:, None], axis=0)
     return np.where(sizes > 0, sizes, 1.0)

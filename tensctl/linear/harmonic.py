@@ -169,6 +169,8 @@ def harmonics(dynamics: Dynamics, equilibrium: Equilibrium, *, tol: float = 1e-9
         When the sectors differ, and where `linearize` would refuse.
     """
     checked_point(dynamics, equilibrium)
+    if not dynamics.members.gearing.plain:
+        raise LinearizationError("motors that pull several tendons are not taken by harmonics; use linearize.")
     symmetry = linear_symmetry(dynamics, equilibrium, tol)
     sector = Sector.of(equilibrium.potential, symmetry, equilibrium.rest_lengths)
     point = sector.at(sector.restrict(equilibrium.nodes))

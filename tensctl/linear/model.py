@@ -149,7 +149,7 @@ class LinearModel:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Input labels: `u_` and the tendon's label."""
+        """Input labels: `u_` and the tendon's label, or the gang's name."""
         return self.sparse.inputs
 
     @property

@@ -74,8 +74,8 @@ class Dynamics:
 
     @property
     def input_labels(self) -> tuple[str, ...]:
-        """Labels of the acting tendons, in the order of u."""
-        return tuple(self.structure.tendon_labels[t] for t in self.members.inputs)
+        """Labels of the inputs u: acting tendons, and gangs by name."""
+        return self.members.gearing.labels
 
     @cached_property
     def symbolic(self) -> SymbolicModel:

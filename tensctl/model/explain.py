@@ -80,6 +80,7 @@ def explain(potential: Potential, damping: np.ndarray, drag: float, constraints:
             "inputs",
             True,
             f"{members.inputs.size} of {tendons} tendons"
+            + ("" if members.gearing.plain else f" by {members.gearing.size} motors")
             + (f"; between two pinned nodes, so no input: {', '.join(idle)}" if idle else "")
             + _unactuated(potential),
             None,

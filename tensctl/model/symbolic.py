@@ -113,7 +113,7 @@ def symbolic_model(
     symbols = _Symbols(
         ca.SX.sym("q", size),
         ca.SX.sym("v", size),
-        ca.SX.sym("u", len(members.inputs)),
+        ca.SX.sym("u", members.gearing.size),
         ca.SX.sym("w", dimension * len(members.pushed)),
         dimension,
     )
@@ -185,7 +185,11 @@ def _forces(potential, layout, paths, symbols, nodes, velocities, damping, drag,
         forces[node] = forces[node] + symbols.w[3 * k : 3 * k + 3]
     if drag > 0:
         forces = [f - drag * v for f, v in zip(forces, velocities, strict=True)]
-    shortening = dict(zip(members.inputs.tolist(), ca.vertsplit(symbols.u), strict=True)) if members.inputs.size else {}
+    gearing = members.gearing
+    shortening = {
+        int(t): ratio * symbols.u[int(motor)]
+        for t, motor, ratio in zip(members.inputs, gearing.motor, gearing.ratio, strict=True)
+    }
     tensions = []
     for t, path in enumerate(paths):
         pieces = [nodes[b] - nodes[a] for a, b in pairwise(path)]

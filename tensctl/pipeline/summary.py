@@ -39,7 +39,7 @@ def _structure(results: Results) -> dict:
         "nodes": len(structure.nodes),
         "rods": len(structure.rods),
         "tendons": len(structure.tendons),
-        "inputs": len(results.equilibrium.potential.members.inputs),
+        "inputs": results.equilibrium.potential.members.gearing.size,
         "degrees_of_freedom": results.equilibrium.potential.manifold.size,
     }
 

@@ -33,21 +33,21 @@ class Actuators:
 
     @property
     def inputs(self) -> Float[np.ndarray, " inputs"]:
-        """Rest-length changes u of the acting tendons, m."""
-        return (self._members.rest_lengths - self.rest)[self._members.inputs]
+        """Rest-length changes u as they are now, m."""
+        return self._members.inputs_of(self.rest)
 
     @property
     def asked_inputs(self) -> Float[np.ndarray, " inputs"]:
-        """Rest-length changes of the acting tendons as commanded now, m."""
-        return (self._members.rest_lengths - self.asked)[self._members.inputs]
+        """Rest-length changes u as commanded now, m."""
+        return self._members.inputs_of(self.asked)
 
     def command(self, u: Float[np.ndarray, " inputs"], period: float) -> None:
-        """From now on ramp to the total change u, to be reached after a period."""
-        members, acting = self._members, self._members.inputs
-        wanted = np.maximum(members.rest_lengths[acting] - u, members.floors[acting])
-        reach = self.rate_max * period
+        """From now on ramp to the total change u, to be reached after a period; tendons of a gang keep their ratios."""
+        members, gearing = self._members, self._members.gearing
+        reach = self.rate_max * period / gearing.largest
+        change = np.clip(np.clip(u, *members.input_bounds) - self.asked_inputs, -reach, reach)
         self.rate = np.zeros_like(self.rest)
-        self.rate[acting] = np.clip(wanted - self.asked[acting], -reach, reach) / period
+        self.rate[members.inputs] = -gearing.spread(change) / period
 
     def lag(self) -> Float[np.ndarray, " tendons"]:
         """Amplitude of the exponential by which rest lengths approach their ramp, m."""

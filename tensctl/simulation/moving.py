@@ -36,12 +36,10 @@ class Moving:
 
     def command(self, controller: Controller, t: float, period: float) -> None:
         """Ask the controller; from now on rest lengths ramp towards its answer."""
-        members = self._dynamics.members
+        wanted = (self._dynamics.members.gearing.size,)
         u = np.asarray(ask(controller, float(t), period, self._measurement()), float)
-        if u.shape != members.inputs.shape or not np.isfinite(u).all():
-            raise SimulationError(
-                f"at {t:g} s the controller gave u of shape {u.shape}; finite {members.inputs.shape} is expected."
-            )
+        if u.shape != wanted or not np.isfinite(u).all():
+            raise SimulationError(f"at {t:g} s the controller gave u of shape {u.shape}; finite {wanted} is expected.")
         self.actuators.command(u, period)
         records = _records(controller)
         self._status = records[-1].status if records else "ok"

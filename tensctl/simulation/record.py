@@ -55,7 +55,7 @@ class Record:
             "lengths": length,
             "tensions": tensions_at(dynamics, nodes, velocities, length, self._rest),
             "rest_lengths": self._rest,
-            "inputs": (members.rest_lengths - self._rest)[:, members.inputs],
+            "inputs": members.inputs_of(self._rest),
             "status": self._status.astype(str),
         }
 

@@ -88,20 +88,22 @@ def planned(dynamics: Dynamics, schedule: Sequence[Schedule], actuators: Actuato
     """
     if schedule and controlled:
         raise SimulationError("a run has a schedule or a controller, not both; let the controller add the schedule.")
-    members, labels = dynamics.members, dynamics.structure.tendon_labels
+    members, inputs = dynamics.members, dynamics.input_labels
+    names = list(dict.fromkeys([*dynamics.structure.tendon_labels, *inputs]))
+    lower, upper = members.input_bounds
     corners: dict[int, tuple[int, np.ndarray, np.ndarray]] = {}
     start = actuators.asked_inputs
     for entry in schedule:
-        for tendon in matches(labels, entry.tendon, "schedule.tendon"):
-            place = np.flatnonzero(members.inputs == tendon)
-            if place.size == 0:
-                raise SimulationError(f"tendon {labels[tendon]} has no acting actuator, so it takes no schedule.")
-            if int(place[0]) in corners:
-                raise SimulationError(f"tendon {labels[tendon]} has two schedules; give one.")
-            room = members.rest_lengths[tendon] - members.floors[tendon]
-            change = np.minimum(np.asarray(entry.change, float), room)
-            path = limited(np.asarray(entry.times, float), change, float(start[place[0]]), actuators.rate_max)
-            corners[int(place[0])] = (int(place[0]), *path)
+        for name in (names[k] for k in matches(names, entry.tendon, "schedule.tendon")):
+            if name not in inputs:
+                raise SimulationError(f"tendon {name} has no acting actuator of its own, so it takes no schedule.")
+            place = inputs.index(name)
+            if place in corners:
+                raise SimulationError(f"tendon {name} has two schedules; give one.")
+            change = np.clip(np.asarray(entry.change, float), lower[place], upper[place])
+            rate_max = actuators.rate_max / members.gearing.largest[place]
+            path = limited(np.asarray(entry.times, float), change, float(start[place]), rate_max)
+            corners[place] = (place, *path)
     return Plan(tuple(corners.values()))
 
 

@@ -150,6 +150,8 @@ def fingerprints(dynamics: Dynamics) -> dict[str, str]:
         members.mass, members.stiffness, members.rest_lengths, members.floors, members.inputs, dynamics.damping,
         dynamics.drag, dynamics.clamped, members.lag, members.law == "EA",
     )  # fmt: skip
+    if not members.gearing.plain:
+        materials += (members.gearing.motor, members.gearing.ratio)
     return {
         "nodes and members": hashlib.sha256(json.dumps(dynamics.structure.as_recipe()).encode()).hexdigest(),
         "materials": _hash(materials),

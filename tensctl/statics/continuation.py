@@ -142,7 +142,7 @@ def _curve(potential: Potential, loads, inputs, tol: float) -> Curve:
     members = potential.members
     shortening = np.zeros(len(members.rest_lengths))
     if inputs is not None:
-        shortening[members.inputs] = inputs
+        shortening[members.inputs] = members.gearing.spread(inputs)
     if loads is None and inputs is None:
         return Curve(potential, np.zeros_like(members.forces), members.forces, shortening, tol)
     extra = np.zeros_like(members.forces) if loads is None else np.asarray(loads, float)

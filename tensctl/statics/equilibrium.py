@@ -94,9 +94,8 @@ class Equilibrium:
 
     @property
     def inputs(self) -> Float[np.ndarray, " inputs"]:
-        """Rest-length change u = L0 - L of the acting tendons, m, > 0 shortens."""
-        members = self.potential.members
-        return (members.rest_lengths - self.rest_lengths)[members.inputs]
+        """Rest-length change u = L0 - L of the acting tendons, or of the motors that drive them, m, > 0 shortens."""
+        return self.potential.members.inputs_of(self.rest_lengths)
 
     @cached_property
     def rod_forces(self) -> Float[np.ndarray, " rods"]:
@@ -241,9 +240,8 @@ def settle(
     """
     newton = Newton() if newton is None else newton
     check_sound(potential)
-    rest = potential.members.rest_lengths.copy()
-    if inputs is not None:
-        rest[potential.members.inputs] -= inputs
+    members = potential.members
+    rest = members.rest_lengths.copy() if inputs is None else members.shortened(np.asarray(inputs, float))
     nodes = None if start is None else np.asarray(start, float)
     found = search(potential, nodes, rest, newton, symmetric=symmetric)
     equilibrium = Equilibrium(potential, found.nodes, rest, found.iterations, found.symmetry)

@@ -129,7 +129,7 @@ def static_influence(
     Parameters
     ----------
     tendons : indices, optional
-        The acting tendons (`members.inputs`) by default.
+        Each by itself; by default one column for each input u, which is a tendon or a gang.
     form : "dense" or "sparse", optional
 
     Raises
@@ -137,8 +137,9 @@ def static_influence(
     EquilibriumError
         Where a motion has no stiffness.
     """
-    columns = equilibrium.potential.members.inputs if tendons is None else np.asarray(tendons, int)
-    return static_response(equilibrium, form).solve(equilibrium.point.input_map[:, columns].toarray())
+    members, pulls = equilibrium.potential.members, equilibrium.point.input_map
+    asked = pulls[:, members.inputs] @ members.gearing.matrix if tendons is None else pulls[:, np.asarray(tendons, int)]
+    return static_response(equilibrium, form).solve(asked.toarray())
 
 
 def rest_length_influence(
@@ -162,8 +163,8 @@ def tension_influence(
     reach = static_influence(equilibrium) if reach is None else reach
     slope, through = _slopes(equilibrium.point)
     result = slope[:, None] * (stretch_map(equilibrium) @ reach)
-    inputs = equilibrium.potential.members.inputs
-    result[inputs, np.arange(inputs.size)] += through[inputs]
+    members = equilibrium.potential.members
+    result[members.inputs, members.gearing.motor] += members.gearing.ratio * through[members.inputs]
     return result
 
 

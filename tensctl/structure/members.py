@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from tensctl.errors import StructureError
 from tensctl.scene import Ratio
+from tensctl.structure.gearing import Gearing, build_gearing, read_gangs
 from tensctl.structure.labels import by_label, by_part, matches, select
 from tensctl.structure.structure import Structure
 
@@ -43,8 +44,10 @@ class Members:
     forces : (N, 3) N
         Constant nodal forces: loads and weight.
     gravity : (3,) m/s^2
-    inputs : (nu,) int
+    inputs : (na,) int
         Tendons whose rest length a control may change and which move something.
+    gearing : Gearing
+        The motors that change them: the inputs u, (nu,), as many as `inputs` where there are no gangs.
     actuated : (nt,) bool
         Tendons that have an actuator, acting or not.
     rate_max : float, m/s
@@ -70,13 +73,29 @@ class Members:
     drag_ratio: float | None
     forces: Float[np.ndarray, "nodes 3"]
     gravity: Float[np.ndarray, " 3"]
-    inputs: Int[np.ndarray, " inputs"]
+    inputs: Int[np.ndarray, " acting"]
+    gearing: Gearing
     actuated: Bool[np.ndarray, " tendons"]
     pushed: Int[np.ndarray, " pushed"]
     radius: Float[np.ndarray, " rods"]
     EI: Float[np.ndarray, " rods"]
     rate_max: float = np.inf
     lag: float = 0.0
+
+    def shortened(self, u: Float[np.ndarray, " inputs"]) -> Float[np.ndarray, " tendons"]:
+        """Rest lengths after a total change u of the inputs, m."""
+        rest = self.rest_lengths.copy()
+        rest[self.inputs] -= self.gearing.spread(u)
+        return rest
+
+    def inputs_of(self, rest_lengths: Float[np.ndarray, "*t tendons"]) -> Float[np.ndarray, "*t inputs"]:
+        """The change u from L0 that rest lengths amount to, m; the nearest one where gangs do not fit exactly."""
+        return self.gearing.gather((self.rest_lengths - rest_lengths)[..., self.inputs])
+
+    @property
+    def input_bounds(self) -> tuple[Float[np.ndarray, " inputs"], Float[np.ndarray, " inputs"]]:
+        """Least and largest u at which every rest length keeps its floor, m."""
+        return self.gearing.bounds((self.rest_lengths - self.floors)[self.inputs])
 
     @property
     def damped(self) -> bool:
@@ -103,6 +122,10 @@ def build_members(scene: Scene, structure: Structure) -> Members:
     drag, drag_ratio = _coefficient_or_ratio(0.0 if scene.drag is None else scene.drag.coefficient)
     gravity = _gravity(scene, structure)
     actuated = select(structure.tendon_labels, scene.actuators.tendons, "actuators.tendons")
+    gangs = scene.actuators.gangs or {}
+    ratios, gang = read_gangs(structure.tendon_labels, gangs)
+    actuated |= gang >= 0
+    inputs = np.flatnonzero(actuated & ~structure.grounded_tendons)
     mass = by_label(structure.rod_labels, scene.rods.mass, "rods.mass")
     key = "stiffness" if law == "k" else "EA"
     EI = np.inf if scene.rods.EI is None else scene.rods.EI
@@ -118,7 +141,8 @@ def build_members(scene: Scene, structure: Structure) -> Members:
         drag_ratio=drag_ratio,
         forces=_forces(scene, structure, mass, gravity),
         gravity=gravity,
-        inputs=np.flatnonzero(actuated & ~structure.grounded_tendons),
+        inputs=inputs,
+        gearing=build_gearing(structure.tendon_labels, inputs, ratios, gang, tuple(gangs)),
         actuated=actuated,
         pushed=_pushed(scene, structure),
         radius=by_label(structure.rod_labels, scene.rods.radius, "rods.radius", default=0.0),

@@ -31,5 +31,4 @@ class Measured(Protocol):
 
 def command(linear: LinearModel | HarmonicModel, change: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:
     """Total rest-length change from L0, m, of a change from the equilibrium, kept above the rest-length floors."""
-    members = linear.dynamics.members
-    return np.minimum(linear.equilibrium.inputs + change, (members.rest_lengths - members.floors)[members.inputs])
+    return np.clip(linear.equilibrium.inputs + change, *linear.dynamics.members.input_bounds)

@@ -24,7 +24,7 @@ class Limits:
         (e_0, v_0).
     tension_margin : (N, nT) m
         Reference tension above the floor, over the stiffness.
-    input_upper : (N, nu) m
+    input_lower, input_upper : (N, nu) m
         From the rest-length floors.
     change_lower, change_upper : (N, nu) m
         From the rate limit and the reference's own motion.
@@ -32,6 +32,7 @@ class Limits:
 
     start: Float[np.ndarray, " n"]
     tension_margin: Float[np.ndarray, "N nT"]
+    input_lower: Float[np.ndarray, "N nu"]
     input_upper: Float[np.ndarray, "N nu"]
     change_lower: Float[np.ndarray, "N nu"]
     change_upper: Float[np.ndarray, "N nu"]
@@ -47,7 +48,7 @@ class Limits:
             H=problem.H,
             f=problem.from_state @ self.start,
             A=problem.rows,
-            lower=np.concatenate([np.full(upper.size, -np.inf), floor, (self.change_lower + first).ravel()]),
+            lower=np.concatenate([self.input_lower.ravel(), floor, (self.change_lower + first).ravel()]),
             upper=np.concatenate([upper, np.full(floor.size, np.inf), (self.change_upper + first).ravel()]),
         )
 

@@ -190,14 +190,21 @@ class MPC:
         ahead = self._ahead(t)
         before = np.vstack([self.reference.inputs_at(t), ahead[:-1]])
         margin = self.reference.tensions_at(self._times(t))[:, piece.problem.tendons] - self.tension_min
-        reach = self.rate_max * self.dt
+        reach = self._reach
+        lower, upper = members.input_bounds
         return Limits(
             start=np.concatenate([state, measurement.inputs - before[0]]),
             tension_margin=margin / piece.problem.tension_scale,
-            input_upper=(members.rest_lengths - members.floors)[members.inputs] - ahead,
+            input_lower=lower - ahead,
+            input_upper=upper - ahead,
             change_lower=-reach - (ahead - before),
             change_upper=reach - (ahead - before),
         )
+
+    @cached_property
+    def _reach(self) -> Float[np.ndarray, " nu"]:
+        """How far each input may go in a period, m: its fastest tendon keeps the rate limit."""
+        return self.rate_max * self.dt / self.linear.dynamics.members.gearing.largest
 
     def _times(self, t: float) -> np.ndarray:
         return t + self.dt * np.arange(1, self.horizon + 1)
@@ -249,16 +256,13 @@ class MPC:
         nu = limits.input_upper.shape[1]
         if self._plan is None:
             return np.broadcast_to(limits.start[-nu:], limits.input_upper.shape).copy()
-        reference = (self.linear.dynamics.members.rest_lengths - self.linear.dynamics.members.floors)[
-            self.linear.dynamics.members.inputs
-        ] - limits.input_upper
+        reference = self.linear.dynamics.members.input_bounds[1] - limits.input_upper
         return np.vstack([self._plan[1:], self._plan[-1:]]) - reference
 
     def _clipped(self, command: np.ndarray, now: np.ndarray) -> np.ndarray:
         """The command within rate and rest-length limits, to the last bit."""
-        members, reach = self.linear.dynamics.members, self.rate_max * self.dt
-        command = np.clip(command, now - reach, now + reach)
-        return np.minimum(command, (members.rest_lengths - members.floors)[members.inputs])
+        command = np.clip(command, now - self._reach, now + self._reach)
+        return np.clip(command, *self.linear.dynamics.members.input_bounds)
 
 
 def _check_size(linear: LinearModel, horizon: int) -> None:

@@ -107,7 +107,8 @@ class ShapePath:
     def fastest(self) -> float:
         """Largest speed of a reference rest length, m/s."""
         t = self.start + self.duration * np.linspace(0, 1, 401)
-        return float(np.abs(np.diff(self.inputs_at(t), axis=0)).max(initial=0.0) / (t[1] - t[0]))
+        moved = np.abs(np.diff(self.inputs_at(t), axis=0)) * self.target.potential.members.gearing.largest
+        return float(moved.max(initial=0.0) / (t[1] - t[0]))
 
     @cached_property
     def _inputs(self):

@@ -39,6 +39,9 @@ def reference_optimum(problem: Condensed, limits: Limits) -> tuple[float, np.nda
             v[k] - before[k] <= limits.change_upper[k],
         ]
     rules.append(v <= limits.input_upper)
+    held = np.isfinite(limits.input_lower)
+    if held.any():
+        rules.append(v[held] >= limits.input_lower[held])
     statement = cp.Problem(cp.Minimize(cost), rules)
     statement.solve(solver=cp.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12, tol_ktratio=1e-12)
     if v.value is None:

@@ -89,8 +89,8 @@ class ShapeProblem:
 
     def _margin_slope(self, now: Equilibrium, reach: np.ndarray) -> np.ndarray:
         """Growth of the margin per unit of rest-length shortening, (nt, nu)."""
-        slope, inputs = stretch_map(now) @ reach, now.potential.members.inputs
-        slope[inputs, np.arange(inputs.size)] += self._share(now)[inputs]
+        slope, inputs, gearing = stretch_map(now) @ reach, now.potential.members.inputs, now.potential.members.gearing
+        slope[inputs, gearing.motor] += gearing.ratio * self._share(now)[inputs]
         return slope
 
     def _share(self, now: Equilibrium) -> np.ndarray:
@@ -110,10 +110,10 @@ class ShapeProblem:
         u = now.inputs
         low_tension = slope @ u - self._margin(now)[kept]
         target = wanted - self.height.of(now.nodes) + rise @ u
-        upper = (members.rest_lengths - members.floors)[members.inputs]
+        lower, upper = members.input_bounds
         qp = QP(
             H=(1 + sigma) * np.eye(u.size), f=-sigma * u, A=rows,
-            lower=np.concatenate([np.full(u.size, -np.inf), [target], low_tension]),
+            lower=np.concatenate([lower, [target], low_tension]),
             upper=np.concatenate([upper, [target], np.full(kept.sum(), np.inf)]),
         )  # fmt: skip
         solution = DaqpSolver(qp).solve(qp)

@@ -91,10 +91,10 @@ def weights(
 
 
 def input_stiffness(linear: LinearModel | HarmonicModel) -> Float[np.ndarray, " nu"]:
-    """Stiffness of each acting tendon, N/m: the natural unit of cost for changing its rest length."""
+    """Stiffness that each input works against, N/m: the natural unit of cost for changing a rest length."""
     members = linear.dynamics.members
     stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
-    return stiffness[members.inputs]
+    return members.gearing.squares(stiffness[members.inputs])
 
 
 def _of_inputs(linear: LinearModel, energy: float | None, sizes: Size | None) -> np.ndarray:
