@@ -6,6 +6,7 @@ from linear_support import STEPS, Neighbour, directions
 from support import shell_scene, solved, taylor_order
 
 import tensctl as tc
+from tensctl.analysis import move
 
 GANGS = {
     "top": {"t6_*": 1.0, "t6_1_1": 0.5},
@@ -115,6 +116,12 @@ class TestLinear:
         G = motors(case[0].members)
         assert static_influence(case[1]) == pytest.approx(static_influence(single[1]) @ G, abs=1e-12)
         assert tension_influence(case[1]) == pytest.approx(tension_influence(single[1]) @ G, abs=1e-10)
+
+    def test_a_node_is_moved_by_motors(self, case):
+        """What moves a node with the least change names gangs, and the structure does get there."""
+        found = move(case[1], "P4_1_1", (0.0, 0.0, 0.002))
+        assert {label for label, _ in found.tendons} <= set(case[0].input_labels)
+        assert found.settled.inputs == pytest.approx(found.inputs, abs=1e-14)
 
     def test_a_gang_of_one_is_its_tendon(self, single):
         linear = solved(ganged({"one": {"t6_1_1": 2.0}}))[2]

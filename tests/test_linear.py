@@ -153,7 +153,8 @@ class TestStateSpace:
         structure = tc.build_structure(tc.Scene(structure=network))
         dotted = replaced(structure, node_labels=("o.1", "e.1", "w.1"), tendon_labels=("tie.1",))
         dynamics, rest, _ = solved(tc.Scene(structure=network))
-        potential = replaced(rest.potential, structure=dotted)
+        members = replaced(dynamics.members, gearing=replaced(dynamics.members.gearing, labels=("tie.1",)))
+        potential = replaced(rest.potential, structure=dotted, members=members)
         linear = tc.linearize(replaced(dynamics, potential=potential), replaced(rest, potential=potential))
         system = linear.to_statespace()
         assert system.input_labels == ["u_tie_1"]

@@ -80,11 +80,10 @@ class Move:
 
     @property
     def tendons(self) -> tuple[tuple[str, float], ...]:
-        """Tendons to pull (> 0) or let out, m, largest first."""
-        members = self.equilibrium.potential.members
-        labels, size = self.equilibrium.structure.tendon_labels, np.abs(self.inputs).max(initial=0.0)
+        """Tendons, or gangs by name, to pull (> 0) or let out, m, largest first."""
+        labels, size = self.equilibrium.potential.members.gearing.labels, np.abs(self.inputs).max(initial=0.0)
         order = [k for k in np.argsort(-np.abs(self.inputs), kind="stable") if abs(self.inputs[k]) > _NOTHING * size]
-        return tuple((labels[members.inputs[k]], float(self.inputs[k])) for k in order)
+        return tuple((labels[k], float(self.inputs[k])) for k in order)
 
     @cached_property
     def settled(self) -> Equilibrium:
@@ -200,7 +199,7 @@ def move(
 
 
 def _program(rest: Equilibrium, at: int, by: np.ndarray, tension_min: float, weights: np.ndarray | None) -> Wanted:
-    members, count = rest.potential.members, rest.potential.members.inputs.size
+    members, count = rest.potential.members, rest.potential.members.gearing.size
     reach = static_influence(rest)
     tension = tension_influence(rest, reach)
     floored = (rest.tensions > 0) & ~rest.structure.grounded_tendons
@@ -211,7 +210,7 @@ def _program(rest: Equilibrium, at: int, by: np.ndarray, tension_min: float, wei
     return Wanted(
         S=(rest.point.tangent @ reach).reshape(-1, 3, count)[at][rest.structure.free[at]],
         effect=by[rest.structure.free[at]],
-        A=np.vstack([-tension[floored], np.eye(count)]),
+        A=np.vstack([-tension[floored], members.gearing.matrix.toarray()]),
         b=np.concatenate([rest.tensions[floored] - tension_min, room]),
         weights=w,
     )

@@ -1,5 +1,6 @@
 """Close to rest: modes and the exact linear model in energy coordinates."""
 
+from tensctl.linear.discrete import Discrete, sample
 from tensctl.linear.frame import Frame, best_fit
 from tensctl.linear.harmonic import HarmonicModel, harmonics
 from tensctl.linear.harmonic_block import Harmonic
@@ -11,6 +12,7 @@ from tensctl.linear.sampling import Sampled, sample_ramped
 from tensctl.linear.second_order import SecondOrder
 
 __all__ = [
+    "Discrete",
     "Frame",
     "Harmonic",
     "HarmonicModel",
@@ -22,5 +24,6 @@ __all__ = [
     "best_fit",
     "harmonics",
     "linearize",
+    "sample",
     "sample_ramped",
 ]

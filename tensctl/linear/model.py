@@ -33,6 +33,8 @@ from tensctl.statics import Equilibrium, stretch_map
 if TYPE_CHECKING:
     import control
 
+    from tensctl.linear.discrete import Discrete, Method
+
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
@@ -201,6 +203,21 @@ class LinearModel:
         if self.drifting:
             parts.append(self._shapes_of(self.drifting).T @ (weight * manifold.velocity(at, seen, drift)))
         return np.concatenate(parts)[self.order]
+
+    def sample(self, dt: float, *, method: Method = "zoh", delay: float = 0.0) -> Discrete:
+        """The model in discrete time, exactly: see `tensctl.linear.discrete.sample`.
+
+        Parameters
+        ----------
+        dt : float, s
+        method : "zoh" or "ramp"
+            Whether a command is held for a period, or reached in a straight line at the end of it.
+        delay : float, s
+            From a command to its first effect, of any length.
+        """
+        from tensctl.linear.discrete import sample
+
+        return sample(self, dt, method=method, delay=delay)
 
     def to_statespace(self, *, disturbances: bool = False) -> control.StateSpace:
         """The model as a labelled `control.StateSpace`; keep labels with `copy_names=True` when converting it.

@@ -2,6 +2,7 @@
 
 from tensctl.structure.build import build_structure
 from tensctl.structure.cables import refuse_cables
+from tensctl.structure.gearing import Gearing
 from tensctl.structure.labels import by_label, matches, select
 from tensctl.structure.members import Law, Members, build_members, nodal_weight
 from tensctl.structure.network import network, planar
@@ -11,6 +12,7 @@ from tensctl.structure.shell import shell
 from tensctl.structure.structure import Structure, lengths
 
 __all__ = [
+    "Gearing",
     "Law",
     "Members",
     "Structure",

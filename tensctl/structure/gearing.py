@@ -40,6 +40,11 @@ class Gearing:
     ratio: Float[np.ndarray, " acting"]
     labels: tuple[str, ...]
 
+    @classmethod
+    def direct(cls, labels: tuple[str, ...]) -> Gearing:
+        """A motor of its own for every tendon."""
+        return cls(np.arange(len(labels)), np.ones(len(labels)), labels)
+
     @property
     def size(self) -> int:
         """Number of motors."""

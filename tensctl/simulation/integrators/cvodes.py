@@ -15,6 +15,7 @@ import numpy as np
 from tensctl.model.symbolic import symbolic_model
 from tensctl.simulation.drive import Drive
 from tensctl.simulation.integrators.judge import Judge, inputs_at
+from tensctl.structure import Gearing
 
 
 @dataclass(eq=False)
@@ -29,9 +30,12 @@ class Cvodes(Judge):
     @cached_property
     def _rate(self) -> ca.Function:
         """F with every rest length and every nodal force as inputs."""
-        dynamics, members = self.dynamics, self.dynamics.members
+        dynamics, members, structure = self.dynamics, self.dynamics.members, self.dynamics.structure
         every = replace(
-            members, inputs=np.arange(len(members.stiffness)), pushed=np.arange(len(dynamics.structure.nodes))
+            members,
+            inputs=np.arange(len(structure.tendons)),
+            gearing=Gearing.direct(structure.tendon_labels),
+            pushed=np.arange(len(structure.nodes)),
         )
         potential = replace(dynamics.potential, members=every)
         return symbolic_model(
