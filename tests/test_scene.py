@@ -180,7 +180,7 @@ SENTENCES = [
     ({"lgr": {}}, "lgr is no key of a scene; did you mean lqr?"),
     (
         {"controllability": {"grid": 1}},
-        "controllability.grid is no key of a scene; expected one of horizon, place, move.",
+        "controllability.grid is no key of a scene; expected one of horizon, place, redundancy, move.",
     ),
     (
         {"simulation": {"t_end": 1, "controller": "lqr"}},

@@ -4,6 +4,7 @@ from tensctl.analysis.energies import ReachEnergies
 from tensctl.analysis.gramian import Gramian, controllability_gramian, observability_gramian
 from tensctl.analysis.influence import static_influence, tension_influence
 from tensctl.analysis.krylov import KrylovRank
+from tensctl.analysis.losses import Loss, Redundancy, redundancy
 from tensctl.analysis.modal import controllability, observability
 from tensctl.analysis.moving import Move, move
 from tensctl.analysis.placement import Placement, place
@@ -14,12 +15,14 @@ from tensctl.analysis.verdict import ModalReport, ModeVerdict
 __all__ = [
     "Gramian",
     "KrylovRank",
+    "Loss",
     "ModalReport",
     "ModeVerdict",
     "Move",
     "Placement",
     "Reach",
     "ReachEnergies",
+    "Redundancy",
     "Study",
     "controllability",
     "controllability_gramian",
@@ -27,6 +30,7 @@ __all__ = [
     "observability",
     "observability_gramian",
     "place",
+    "redundancy",
     "static_influence",
     "tension_influence",
 ]

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.analysis.gramian import Gramian, controllability_gramian
+from tensctl.analysis.measures import moved_outputs
 from tensctl.linear import LinearModel
 
 
@@ -51,7 +52,7 @@ class ReachEnergies:
             Infinite for a damped model.
         """
         flexible, gramian = linear.flexible, controllability_gramian(linear, horizon)
-        shown = [k for k, label in enumerate(flexible.outputs) if flexible.C[k].any() and not flexible.D[k].any()]
+        shown = moved_outputs(linear)
         unsorted = np.empty_like(gramian.factor)
         unsorted[flexible.order] = gramian.factor
         half = len(flexible.modes)

@@ -105,10 +105,16 @@ def measure_of(linear: LinearModel, name: MeasureName, horizon: float) -> Measur
     return Measure(name, (_cut(single_gramians(linear, horizon)),))
 
 
+def moved_outputs(linear: LinearModel) -> list[int]:
+    """Outputs that flexible modes move and that have no feedthrough: positions and lengths."""
+    flexible = linear.flexible
+    return [k for k in range(len(flexible.outputs)) if flexible.C[k].any() and not flexible.D[k].any()]
+
+
 def static_outputs(linear: LinearModel) -> Float[np.ndarray, "ny nu"]:
     """Outputs without feedthrough at rest, per input in the square root of its energy."""
     flexible = linear.flexible
-    shown = [k for k in range(len(flexible.outputs)) if flexible.C[k].any() and not flexible.D[k].any()]
+    shown = moved_outputs(linear)
     if not shown:
         raise LinearizationError("static reach needs outputs of nodes or lengths; add them to linearize.outputs.")
     drive = Reach(flexible).drive / np.sqrt(tension_slopes(flexible))

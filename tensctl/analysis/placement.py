@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.analysis.measures import MEASURES, Measure, MeasureName, measure_of
+from tensctl.analysis.measures import MEASURES, Measure, MeasureName, measure_of, moved_outputs
 from tensctl.errors import LinearizationError
 from tensctl.linear import LinearModel
 from tensctl.threads import one_blas_thread
@@ -128,8 +128,8 @@ def place(
 
 def place_by_all(linear: LinearModel, count: int, horizon: float | None = None) -> tuple[Placement, ...]:
     """One choice by every measure that the model has outputs for."""
-    without = not any(not linear.D[k].any() and linear.C[k].any() for k in range(len(linear.outputs)))
-    names = [name for name in MEASURES if not (name == "static reach" and without)]
+    without = not moved_outputs(linear)
+    names: list[MeasureName] = [name for name in MEASURES if not (name == "static reach" and without)]
     return tuple(place(linear, count, name, horizon=horizon) for name in names)
 
 

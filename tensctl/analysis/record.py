@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tensctl.analysis.energies import ReachEnergies
+from tensctl.analysis.losses import Loss
 from tensctl.analysis.moving import Move
 from tensctl.analysis.placement import Placement
 from tensctl.analysis.reach import Reach
@@ -29,6 +30,7 @@ def record(study: Study) -> dict:
         "energies": None if study.energies is None else _energies(study.energies),
         "moves": [_move(one) for one in study.moves] or None,
         "placements": [_placement(one) for one in study.placements] or None,
+        "redundancy": None if study.redundancy is None else [_loss(one) for one in study.redundancy.losses],
     }
     return {name: part for name, part in parts.items() if part is not None}
 
@@ -90,6 +92,27 @@ def _placement(placement: Placement) -> dict:
         "bound": placement.bound,
         "gap_of_all": placement.gap,
         "exact": placement.exact,
+    }
+
+
+def _loss(loss: Loss) -> dict:
+    return {
+        "tendons": list(loss.tendons),
+        "cut": {
+            "rest": loss.rest,
+            "largest_displacement_m": finite(loss.moved),
+            "slack_tendons": loss.slack,
+            "lowest_frequency_Hz": loss.frequency,
+            "driven_of": list(loss.driven_cut),
+            "static_rank": loss.held_cut,
+        },
+        "jammed": {
+            "driven_of": list(loss.driven_jammed),
+            "static_rank": loss.held_jammed,
+            "weakest_output": loss.worst[0],
+            "part_left": finite(loss.worst[1]),
+        },
+        "note": loss.note,
     }
 
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from tensctl.analysis.energies import ReachEnergies
 from tensctl.analysis.krylov import KrylovRank, krylov_rank
+from tensctl.analysis.losses import Redundancy, redundancy
 from tensctl.analysis.modal import controllability, observability
 from tensctl.analysis.moving import Move, move
 from tensctl.analysis.placement import Placement, place_by_all
@@ -41,6 +42,8 @@ class Study:
         Which tendons to pull to move nodes.
     placements : tuple of Placement
         The best few actuators, by every measure.
+    redundancy : Redundancy or None
+        What is lost without a tendon or its motor.
     """
 
     linear: LinearModel
@@ -51,6 +54,7 @@ class Study:
     energies: ReachEnergies | None = None
     moves: tuple[Move, ...] = ()
     placements: tuple[Placement, ...] = ()
+    redundancy: Redundancy | None = None
 
     @classmethod
     def of(cls, linear: LinearModel, asked: ControllabilityStage | None = None) -> Study:
@@ -65,6 +69,7 @@ class Study:
             energies=None if asked.horizon is None else ReachEnergies.of(linear, asked.horizon),
             moves=tuple(move(linear, m.node, m.by, tension_min=m.tension_min, goal=m.goal) for m in asked.move),
             placements=() if asked.place is None else place_by_all(linear, asked.place, asked.horizon),
+            redundancy=redundancy(linear) if asked.redundancy else None,
         )
 
     @property

@@ -29,6 +29,8 @@ def as_text(study: Study) -> str:
     parts += [str(one) for one in study.moves]
     if study.placements:
         parts.append("\n".join(str(one) for one in study.placements))
+    if study.redundancy is not None:
+        parts.append(str(study.redundancy))
     if study.observability is not None:
         parts.append(modes_table(study.observability, None))
     return "\n\n".join(parts)

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from tensctl.scene.complaint import complaint, shown
 from tensctl.scene.section import Section
 from tensctl.scene.tables import Table
-from tensctl.scene.values import KindOf, Number, Numbers, Text, Vector
+from tensctl.scene.values import Choice, KindOf, Number, Numbers, Text, Vector
 
 Output = Annotated[str, KindOf("nodes", "velocities", "lengths", "tensions", example="nodes:P4_*")]
 Tolerance = Annotated[float, Number(above=0, below=1)]
@@ -56,6 +56,7 @@ class ControllabilityStage(Section):
 
     horizon: Annotated[float | None, Number("s", above=0)] = None
     place: Annotated[int | None, Number("actuators", least=1, whole=True)] = None
+    redundancy: Annotated[bool, Choice(True, False)] = False
     move: tuple[MoveRequest, ...] = ()
 
 
