@@ -1,7 +1,7 @@
 """What is lost when a tendon is cut, or its motor jams.
 
     cut:    the tendon is gone; the structure looks for a new rest from the old one, and is judged there
-    jammed: the tendon stays as it is and is no input any more
+    jammed: the tendon stays as it is and its motor is no input any more, with all that the motor pulls
 
 A table over all tendons. Where the equilibrium is cyclically symmetric, and inputs and dampers with it, one tendon of
 each orbit is solved and stands for all: 8 solves instead of 24 at (3,1). The output that suffers is named for that one.
@@ -23,6 +23,7 @@ from tensctl.errors import TensctlError
 from tensctl.linear import LinearModel, best_fit, linearize
 from tensctl.model import Dynamics
 from tensctl.statics import Equilibrium, find_symmetry, settle
+from tensctl.structure.gearing import Gearing
 
 Rest = Literal["stable", "unstable", "undecided", "nothing taut", "no equilibrium"]
 _WORDS: dict[str, Rest] = {"yes": "stable", "no": "unstable", "undecided": "undecided", "no prestress": "nothing taut"}
@@ -118,7 +119,7 @@ def orbits(linear: LinearModel) -> list[np.ndarray]:
     kept = None if found is None else found.tendons
     if kept is not None:
         alike = (dynamics.members.actuated, dynamics.damping)
-        if any((values[kept] != values[kept[0]]).any() for values in alike):
+        if not dynamics.members.gearing.plain or any((values[kept] != values[kept[0]]).any() for values in alike):
             kept = None
     if kept is None:
         return [np.array([t]) for t in np.flatnonzero(moving)]
@@ -148,15 +149,23 @@ def _cut(rest: Equilibrium, tendon: int) -> Potential:
         tendon_labels=tuple(structure.tendon_labels[t] for t in kept),
         vias=tuple(structure.vias[t] for t in kept) if structure.vias else (),
     )
+    acting = members.inputs != tendon
     fewer = replace(
         members,
         **{name: getattr(members, name)[kept] for name in ("stiffness", "floors", "damping", "actuated")},
         rest_lengths=rest.rest_lengths[kept],
         inputs=np.flatnonzero(np.isin(kept, members.inputs)),
+        gearing=_fewer(members.gearing, acting),
     )
     if isinstance(rest.potential.manifold, JointedManifold):
         return Potential(smaller, fewer, JointedManifold.of(smaller, fewer.mass))
     return Potential(smaller, fewer, RodManifold.of(smaller))
+
+
+def _fewer(gearing: Gearing, kept: np.ndarray) -> Gearing:
+    """The motors of some of the acting tendons."""
+    motors, motor = np.unique(gearing.motor[kept], return_inverse=True)
+    return Gearing(motor, gearing.ratio[kept], tuple(gearing.labels[k] for k in motors))
 
 
 def _loss(linear: LinearModel, orbit: np.ndarray) -> Loss:
@@ -196,19 +205,21 @@ def _linear_without(linear: LinearModel, rest: Equilibrium, tendon: int) -> Line
 def _jammed(linear: LinearModel, tendon: int) -> Loss:
     """Without its motor: the same equilibrium, one input less."""
     members = linear.dynamics.members
-    left = members.inputs[members.inputs != tendon]
-    potential = replace(linear.equilibrium.potential, members=replace(members, inputs=left))
+    motor = members.gearing.motor[members.inputs == tendon]
+    acting = ~np.isin(members.gearing.motor, motor)
+    jammed = replace(members, inputs=members.inputs[acting], gearing=_fewer(members.gearing, acting))
+    potential = replace(linear.equilibrium.potential, members=jammed)
     rest = replace(linear.equilibrium, potential=potential)
     dynamics = Dynamics(potential, linear.dynamics.damping, linear.dynamics.drag, linear.dynamics.clamped)
     model = linearize(dynamics, rest, outputs=())
-    column = np.flatnonzero(members.inputs != tendon)
+    columns = np.delete(np.arange(members.gearing.size), motor)
     return Loss(
         tendons=(),
         rest="stable",
-        driven_jammed=_driven(model) if left.size else (0, 0),
+        driven_jammed=_driven(model) if acting.any() else (0, 0),
         held_jammed=Reach(model).rank,
-        worst=_worst(linear, column) if left.size < members.inputs.size else ("", np.nan),
-        note="" if left.size < members.inputs.size else "no actuator",
+        worst=_worst(linear, columns) if motor.size else ("", np.nan),
+        note="" if motor.size else "no actuator",
     )
 
 
