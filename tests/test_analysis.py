@@ -41,7 +41,7 @@ class TestShells:
         assert report.controllable_modes == tuple(range(21))
         assert report.uncontrollable_modes == ()
 
-    @pytest.mark.parametrize(("n", "m"), [(4, 2), (6, 3)])
+    @pytest.mark.parametrize(("n", "m"), [(4, 1), (3, 2), (4, 2), (6, 3)])
     def test_larger_shells_are_driven_too(self, n, m):
         """Where the Krylov matrix gives NaN."""
         _, _, linear = solved(shell_scene(n, m))

@@ -70,6 +70,22 @@ def test_the_only_motor():
     assert table["t3_1_1"].note == "no actuator"
 
 
+def test_gangs_jam_as_one_and_move_as_one():
+    """Two tendons on one motor: what one loses the other loses too, and a move pulls both by their ratios."""
+    gangs = {"pair": {"t5_1_1": 1.0, "t5_2_1": -0.5}}
+    _, rest, linear = solved(shell_scene(pins=["P1_*_1"], actuators={"gangs": gangs}))
+    table = {loss.tendons[0]: loss for loss in redundancy(linear).losses}
+    assert len(table) == 21
+    assert table["t5_1_1"].held_jammed == table["t5_2_1"].held_jammed
+    others = [label for label in rest.structure.tendon_labels if label not in ("t5_1_1", "t5_2_1")]
+    _, _, left = solved(shell_scene(pins=["P1_*_1"], actuators={"tendons": others}))
+    assert table["t5_1_1"].held_jammed == Reach(left).rank
+    found = tc.move(linear, "P4_1_1", (1e-3, 0, 0))
+    found.verify()
+    assert found.bend < 1e-5
+    assert "pair" in dict(found.tendons)
+
+
 def test_a_vital_tendon():
     """A pendulum's only tie."""
     _, _, linear = solved(pendulum_scene(head=(0.0, 0.0, 1.0), anchor=(0.0, 0.0, 3.0)))
