@@ -87,7 +87,7 @@ def exact_gains(linear: LinearModel) -> list[float]:
 
 
 def exact_damped(linear: LinearModel) -> list[float]:
-    """sqrt(2) times the drive of each left eigenvector of the damped A, in 50 digits, sorted; groups of pairs summed."""
+    """sqrt(2) times the drive of each left eigenvector of the damped A, in 50 digits, ascending."""
     A, B = mp.matrix(linear.A.T.tolist()), mp.matrix(linear.B.tolist())
     _, vectors = mp.eig(A)
     found = []
