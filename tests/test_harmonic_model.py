@@ -208,14 +208,15 @@ class TestRefusals:
             harmonics(dynamics, rest).weight_of({"force": 1.0})
 
 
-def test_a_mismatch_is_let_pass_when_asked_for_and_reported():
-    broken = {"*": 100.0, "t5_1_1": 100.0 * (1 + 1e-6)}
+@pytest.mark.parametrize("part", [1e-6, 1e-3])
+def test_a_mismatch_is_let_pass_when_asked_for_and_reported(part):
+    broken = {"*": 100.0, "t5_1_1": 100.0 * (1 + part)}
     scene = shell_scene(3, 1, tendons={"stiffness": broken, "rest_ratio": 0.8})
     dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
-    model = harmonics(dynamics, rest, tol=1e-5)
-    assert 5e-7 < model.mismatch < 2e-6
+    model = harmonics(dynamics, rest, tol=10 * part)
+    assert 0.5 * part < model.mismatch < 2 * part
     wanted = np.sort([mode.omega2 for mode in tc.linearize(dynamics, rest).flexible.modes])
-    assert 1e-9 < np.abs(model.omega2 / wanted - 1).max() < 1e-5
+    assert 1e-3 * part < np.abs(model.omega2 / wanted - 1).max() < 10 * part
 
 
 def test_verify_tells_wrong_modes(free):

@@ -40,6 +40,8 @@ class Harmonic:
         Mass-normalised modes in the sector's tangent coordinates, 1/sqrt(kg).
     tolerance : float, rad^2/s^2
         Eigenvalues up to this size are no stiffness: mechanisms or unstable modes.
+    unscaled : float, rad/s
+        Scale of modes without stiffness: the slowest flexible frequency of all harmonics.
     """
 
     dynamics: Dynamics

@@ -23,7 +23,7 @@ from tensctl.elements import JointedManifold, Potential
 
 # Builders place nodes to a few 1e-16 of the size, files with nine digits to 1e-9.
 _TOLERANCE = 1e-9
-# Nodes of one ring agree in height and radius to this part of the size.
+# Nodes of one ring agree in height and radius to this part of the size, or to the tolerance when that is larger.
 _RING = 1e-6
 _SMALLEST = 3
 
@@ -168,7 +168,8 @@ class _Search:
         own = self.nodes - self.centre
         height = own @ axis
         radius = np.linalg.norm(own - np.outer(height, axis), axis=1)
-        rings = np.round(np.column_stack([height, radius]) / (_RING * self.size) + 0.123).astype(np.int64)
+        grid = max(_RING, 4 * self.tol) * self.size
+        rings = np.round(np.column_stack([height, radius]) / grid + 0.123).astype(np.int64)
         _, counts = np.unique(rings, axis=0, return_counts=True)
         return gcd(*counts.tolist())
 
