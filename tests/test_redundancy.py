@@ -103,3 +103,16 @@ def test_from_a_scene(tmp_path):
     assert "Without one tendon" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "what is lost without a tendon" in str(results.study)
     assert "redundancy = false" in prism_scene(controllability={}).to_toml()
+
+
+def test_a_square_needs_all_its_sides():
+    """Two crossed rods in the plane: any side away, and nothing is taut any more."""
+    recipe = {
+        "kind": "planar",
+        "nodes": {"a": [0, 0], "b": [1, 0], "c": [0, 1], "d": [1, 1]},
+        "rods": {"r": ["a", "d"], "s": ["b", "c"]},
+        "tendons": {"ab": ["a", "b"], "bd": ["b", "d"], "dc": ["d", "c"], "ca": ["c", "a"]},
+    }
+    found = redundancy(solved(tc.Scene(structure=recipe))[2])
+    assert found.vital == ("ab", "bd", "dc", "ca")
+    assert {(loss.rest, loss.slack) for loss in found.losses} == {("nothing taut", 3)}

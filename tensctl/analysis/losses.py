@@ -25,7 +25,7 @@ from tensctl.model import Dynamics
 from tensctl.statics import Equilibrium, find_symmetry, settle
 from tensctl.structure.gearing import Gearing
 
-Rest = Literal["stable", "unstable", "undecided", "nothing taut", "no equilibrium"]
+Rest = Literal["stable", "unstable", "undecided", "nothing taut", "none found"]
 _WORDS: dict[str, Rest] = {"yes": "stable", "no": "unstable", "undecided": "undecided", "no prestress": "nothing taut"}
 
 
@@ -37,8 +37,8 @@ class Loss:
     ----------
     tendons : tuple of str
         The tendon that was looked at first, then its images.
-    rest : str
-        Where the structure rests without it: "stable", "unstable", "undecided", "nothing taut", "no equilibrium".
+    rest : "stable", "unstable", "undecided", "nothing taut" or "none found"
+        Where the structure rests without it.
     moved : float, m
         Largest displacement of a node when it is cut; of a free structure within its own frame.
     slack : int
@@ -83,7 +83,7 @@ class Redundancy:
 
     @property
     def vital(self) -> tuple[str, ...]:
-        """Tendons without which the structure has no stable rest."""
+        """Tendons without which no stable rest was found."""
         return tuple(label for loss in self.losses if loss.rest != "stable" for label in loss.tendons)
 
     def __str__(self) -> str:
@@ -175,13 +175,13 @@ def _loss(linear: LinearModel, orbit: np.ndarray) -> Loss:
     try:
         rest = without(linear, tendon)
     except TensctlError as error:
-        return replace(loss, rest="no equilibrium", note=str(error))
+        return replace(loss, rest="none found", note=str(error))
     moving = ~rest.structure.grounded_tendons
     loss = replace(
         loss,
         rest=_WORDS[str(rest.stable)],
         moved=_moved(linear.equilibrium, rest),
-        slack=int(((rest.tensions <= 0) & moving).sum()),
+        slack=int(((rest.tensions <= 0) | rest.point.at_ease)[moving].sum()),
     )
     try:
         model = _linear_without(linear, rest, tendon)

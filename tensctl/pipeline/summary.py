@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensctl import __version__
-from tensctl.analysis import Study
 from tensctl.pipeline.results import Results
 from tensctl.simulation import Sanity
 from tensctl.synthesis import LQR
+
+if TYPE_CHECKING:
+    from tensctl.analysis import Study
 
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
