@@ -1,6 +1,8 @@
 """Gains, distances and ranks: against brute force, against more digits, and without steps where cases meet."""
 
 import json
+import subprocess
+import sys
 
 import mpmath as mp
 import numpy as np
@@ -251,6 +253,15 @@ class TestStudy:
         assert found["reach"]["rank"] == 20
         assert [mode["answer"] for mode in found["modes"]] == ["yes"] * 21
         assert all(mode["distance_over_A_and_B"] > 1 for mode in found["modes"])
+
+    def test_nothing_of_it_is_loaded_when_it_is_not_asked(self, tmp_path):
+        code = (
+            "import sys, tensctl as tc; scene = tc.Scene(structure=dict(kind='prism', n=3), linearize={}); "
+            f"tc.run(scene, {str(tmp_path / 'out')!r}); "
+            "print([m for m in sys.modules if m.startswith('tensctl.analysis') or m in ('control', 'cvxpy', 'daqp')])"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == "[]"
 
     def test_in_the_report(self, tmp_path):
         scene = shell_scene(controllability={}, linearize={}, report={})

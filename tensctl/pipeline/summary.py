@@ -9,11 +9,11 @@ import numpy as np
 
 from tensctl import __version__
 from tensctl.pipeline.results import Results
-from tensctl.simulation import Sanity
-from tensctl.synthesis import LQR
 
 if TYPE_CHECKING:
     from tensctl.analysis import Study
+    from tensctl.simulation import Sanity
+    from tensctl.synthesis import LQR
 
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
