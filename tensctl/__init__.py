@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         SynthesisError,
         TensctlError,
     )
+    from tensctl.interop.io_system import TensegritySystem, iosystem
     from tensctl.linear import HarmonicModel, LinearModel, Mix, SecondOrder, harmonics, linearize
     from tensctl.model import Dynamics, build_dynamics
     from tensctl.pipeline import run
@@ -85,6 +86,7 @@ _HOME = {
         "SynthesisError",
         "TensctlError",
     ),
+    "tensctl.interop.io_system": ("TensegritySystem", "iosystem"),
     "tensctl.linear": ("HarmonicModel", "LinearModel", "Mix", "SecondOrder", "harmonics", "linearize"),
     "tensctl.model": ("Dynamics", "build_dynamics"),
     "tensctl.pipeline": ("run",),
@@ -170,6 +172,7 @@ __all__ = [
     "StructureError",
     "SynthesisError",
     "TensctlError",
+    "TensegritySystem",
     "Variations",
     "Wave",
     "__version__",
@@ -184,6 +187,7 @@ __all__ = [
     "harmonics",
     "inspect_run",
     "inverse_statics",
+    "iosystem",
     "linearize",
     "load_scene",
     "lqg",

@@ -126,7 +126,7 @@ class JointedManifold:
 
     def tangent(self, nodes: Float[np.ndarray, "nodes 3"]) -> sp.csr_array:
         """Map from coordinates y to nodal displacements, (3N, size)."""
-        moved = self.ends.tangent(nodes[self.end_node]) @ self._basis(nodes)
+        moved = self.ends.tangent(nodes[self.end_node]) @ self.basis(nodes)
         full = np.zeros((nodes.size, self.size))
         has_rod = np.flatnonzero(self.shown >= 0)
         rows, ends = (3 * k[:, None] + np.arange(3) for k in (has_rod, self.shown[has_rod]))
@@ -146,14 +146,14 @@ class JointedManifold:
         pull = root * (J.T @ at_ends.ravel())
         tied, *_ = np.linalg.lstsq((jacobian * root).T, -pull, rcond=_REDUNDANT)
         at_ends += (self._matrix.T @ tied).reshape(-1, 3)
-        basis = self._basis(nodes)
+        basis = self.basis(nodes)
         return basis.T @ (self.ends.curvature(nodes[self.end_node], at_ends)[:, None] * basis)
 
     def retract(
         self, nodes: Float[np.ndarray, "nodes 3"], step: Float[np.ndarray, " size"]
     ) -> Float[np.ndarray, "nodes 3"]:
         """Nodes after a step, with exact rod lengths, closed joints and kept guides."""
-        ends = self.ends.retract(nodes[self.end_node], self._basis(nodes) @ step)
+        ends = self.ends.retract(nodes[self.end_node], self.basis(nodes) @ step)
         root, size, before = np.sqrt(self.weights), np.ptp(self.anchor, axis=0).max(), np.inf
         for _ in range(_CLOSINGS):
             gap = self._matrix @ ends.ravel() - self.target
@@ -173,7 +173,7 @@ class JointedManifold:
     ) -> Float[np.ndarray, " size"]:
         """Chart of nodes about a reference: the rods' great-circle chart, projected square to the mass metric."""
         xi = self.ends.logarithm(reference[self.end_node], nodes[self.end_node])
-        return self._basis(reference).T @ (xi / self.weights)
+        return self.basis(reference).T @ (xi / self.weights)
 
     def velocity(
         self,
@@ -183,7 +183,7 @@ class JointedManifold:
     ) -> Float[np.ndarray, " size"]:
         """Rate of `logarithm` when the nodes move, m/s."""
         at_ends = (array[self.end_node] for array in (reference, nodes, velocities))
-        return self._basis(reference).T @ (self.ends.velocity(*at_ends) / self.weights)
+        return self.basis(reference).T @ (self.ends.velocity(*at_ends) / self.weights)
 
     def coordinates_of(
         self, nodes: Float[np.ndarray, "nodes 3"], motion: Float[np.ndarray, "coordinates k"]
@@ -191,7 +191,7 @@ class JointedManifold:
         """Coordinates y of nodal displacements (3N, k) that keep rods rigid, joints closed and guides."""
         rows = (3 * self.end_node[:, None] + np.arange(3)).ravel()
         xi = self.ends.coordinates_of(nodes[self.end_node], motion[rows])
-        return self._basis(nodes).T @ (xi / self.weights[:, None])
+        return self.basis(nodes).T @ (xi / self.weights[:, None])
 
     @cached_property
     def _held(self) -> np.ndarray:
@@ -219,7 +219,7 @@ class JointedManifold:
         Q, R, _ = sla.qr(jacobian.T, pivoting=True)
         return Q, np.abs(np.diag(R))
 
-    def _basis(self, nodes: np.ndarray) -> Float[np.ndarray, "coordinates size"]:
+    def basis(self, nodes: np.ndarray) -> Float[np.ndarray, "coordinates size"]:
         """Z: square in the mass metric, rows keep their values along it."""
         key = nodes.tobytes()
         if self._kept.get("key") != key:
