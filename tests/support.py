@@ -8,7 +8,6 @@ import numpy as np
 
 import tensctl as tc
 from tensctl.elements import Potential
-from tensctl.simulation.drive import Drive
 
 REFERENCE = Path(__file__).parent / "reference"
 _OF_STRUCTURE = ("primal", "radius", "height", "overlap", "twist", "pins", "cls")
@@ -116,12 +115,3 @@ def clustered(structure, cables, pins=()):
 
 def mast_scene(pins=(), **sections):
     return tc.Scene(structure=clustered(tc.shell(3, 2), MAST, pins), **sections)
-
-
-def steady(rest: np.ndarray, force: np.ndarray) -> Drive:
-    """Constant rest lengths (nt,) m and nodal forces (N, 3) N."""
-    still, none = np.zeros_like(rest), np.zeros(0)
-    return Drive(
-        0.0, rest, still, still, 1.0, force, np.zeros_like(force),
-        np.zeros(0, np.int64), np.zeros((0, 3)), none, none, False, False,
-    )  # fmt: skip

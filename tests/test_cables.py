@@ -324,7 +324,7 @@ class TestMotion:
     def test_integrators_agree(self, thrown):
         dynamics, start, run = thrown
         assert run.method == "splitting6"
-        other = tc.simulate(dynamics, start, t_end=2.0, tol=1e-10, method="dopri5")
+        other = tc.simulate(dynamics, start, t_end=2.0, tol=1e-12, method="dopri5")
         assert np.abs(other.nodes - run.nodes).max() < 1e-6
 
     def test_recorded_tensions(self, thrown):

@@ -11,10 +11,10 @@ from support import (
     replaced,
     shell_scene,
     solved,
-    steady,
 )
 
 import tensctl as tc
+from tensctl.simulation.drive import Drive
 from tensctl.simulation.integrators.splitting import Splitting
 from tensctl.simulation.integrators.tables import TABLES
 
@@ -163,7 +163,7 @@ def steps_of(order, dynamics, start, steps, drive=None, t_end=0.5):
     """End of a run in equal steps, no tendon changing over."""
     q, v = dynamics.rod_coordinates(start[0]), dynamics.rod_coordinates(start[1])
     plant = Splitting(dynamics, order, t_end / steps)
-    drive = steady(dynamics.members.rest_lengths, dynamics.members.forces) if drive is None else drive
+    drive = Drive.constant(dynamics.members.rest_lengths, dynamics.members.forces) if drive is None else drive
     plant.march(q, v, np.array([0.0, t_end]), drive, *(np.empty((2, *q.shape)) for _ in range(2)))
     assert plant.switches == 0
     return np.hstack([q, v])
@@ -203,7 +203,7 @@ class TestOrder:
         dynamics, start = taut_motion()
         rest, forces = dynamics.members.rest_lengths, dynamics.members.forces
         share = np.linspace(-1, 1, rest.size)
-        drive = steady(rest, forces)._replace(
+        drive = Drive.constant(rest, forces)._replace(
             rate=0.2 * rest * share, lag=0.1 * rest * share[::-1], tau=0.3,
             force_rate=np.full_like(forces, 2.0), wave_node=np.array([1, 5]),
             wave_force=np.array([[3.0, 0, 1.0], [0, 2.0, 0]]), wave_omega=np.array([7.0, 9.0]),

@@ -4,10 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
-from support import MIXED_PINS, REFERENCE, order_of, pendulum_scene, replaced, shell_scene, solved, steady
+from support import MIXED_PINS, REFERENCE, order_of, pendulum_scene, replaced, shell_scene, solved
 
 import tensctl as tc
 from tensctl.errors import SimulationError
+from tensctl.simulation.drive import Drive
 from tensctl.simulation.integrators.rodas import RODAS5P
 from tensctl.simulation.integrators.rosenbrock import Rosenbrock
 
@@ -41,7 +42,7 @@ class TestOrder:
         """Order 5 on a smooth damped motion, rest lengths and loads at rest or ramping, lagging and swinging."""
         dynamics, start = taut_motion(pins=["P1_1_1"], drag={"coefficient": 0.1})
         rest, forces = dynamics.members.rest_lengths, dynamics.members.forces
-        drive, share = steady(rest, forces), np.linspace(-1, 1, rest.size)
+        drive, share = Drive.constant(rest, forces), np.linspace(-1, 1, rest.size)
         if changing:
             drive = drive._replace(
                 rate=0.2 * rest * share, lag=0.1 * rest * share[::-1], tau=0.3, force_rate=np.full_like(forces, 2.0),
@@ -55,7 +56,7 @@ class TestOrder:
     def test_states_between_steps(self):
         """Recorded places between steps have at least the order of a step of the embedded formula."""
         dynamics, (nodes, velocities) = taut_motion()
-        drive = steady(dynamics.members.rest_lengths, dynamics.members.forces)
+        drive = Drive.constant(dynamics.members.rest_lengths, dynamics.members.forces)
         errors, lengths = [], np.array([0.05, 0.035, 0.025])
         for h in lengths:
             exact = equal_steps(dynamics, (nodes, velocities), 40, drive, 0.4 * h)

@@ -5,7 +5,7 @@ import itertools
 import casadi as ca
 import numpy as np
 import pytest
-from support import MIXED_PINS, order_of, random_motion, shell_scene, steady
+from support import MIXED_PINS, order_of, random_motion, shell_scene
 
 import tensctl as tc
 from tensctl.simulation.drive import Drive, drive_at
@@ -113,7 +113,7 @@ def linearised(dynamics, drive=None):
     nodes, velocities = random_motion(dynamics.potential, np.random.default_rng(3), reach=0.15, speed=0.5)
     steps = plan_steps(dynamics.kernel)
     room = room_for(dynamics.kernel, steps, 8)
-    drive = steady(dynamics.members.rest_lengths, dynamics.members.forces) if drive is None else drive
+    drive = Drive.constant(dynamics.members.rest_lengths, dynamics.members.forces) if drive is None else drive
     room.rest[:], room.load[:] = drive.rest, drive.force.ravel()
     q, v = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities)
     linearise(dynamics.kernel, steps, drive, 0.0, q, v, 0.0, room)

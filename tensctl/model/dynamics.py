@@ -135,6 +135,7 @@ class Dynamics:
             lengths=manifold.lengths,
             tail_at=3 * segments[:, 0].astype(np.uint64),
             head_at=3 * segments[:, 1].astype(np.uint64),
+            row=1,
             rod_tail_at=3 * rods[:, 0].astype(np.uint64),
             rod_head_at=3 * rods[:, 1].astype(np.uint64),
             clamped=self.clamped,

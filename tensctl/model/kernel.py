@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensctl.jit import jit, part
+from tensctl.jit import bare, jit, part
 
 _FREE, _TAIL, _HEAD, _FIXED = 0, 1, 2, 3
 # m^2, added to a squared length so that a tendon whose ends meet (it is slack) has a direction of zero, not 0/0.
@@ -22,9 +22,10 @@ class KernelData(NamedTuple):
     """Topology and coefficients as flat arrays, the only argument that describes the structure.
 
     Tendons are given by their segments, one each without `cables`; `pieces` says how many each has, in order. Nodal
-    arrays are flat, (3N,). `tail_at`, `head_at` and the rods' are places in them, 3 node; unsigned, since an
-    index that may be negative costs a comparison at every access (6 instead of 4.5 ns a tendon). `clamped` holds a
-    damped tendon at T >= 0; without it a taut damper may push, as STEDY has it.
+    arrays are flat, (3N,): node after node here, so that y is `row` = 1 place behind x. `tail_at`, `head_at` and the
+    rods' are places in them, 3 node; unsigned, since an index that may be negative costs a comparison at every access
+    (6 instead of 4.5 ns a tendon). `clamped` holds a damped tendon at T >= 0; without it a taut damper may push, as
+    STEDY has it.
 
     Where rods share nodes, every rod keeps two ends of its own and the kernel's nodes are these ends; `first` to
     `place` are the rows that tie them together (`model.constraints`), empty where no joint or guide is.
@@ -42,6 +43,7 @@ class KernelData(NamedTuple):
     lengths: np.ndarray
     tail_at: np.ndarray
     head_at: np.ndarray
+    row: int
     rod_tail_at: np.ndarray
     rod_head_at: np.ndarray
     clamped: bool
@@ -66,7 +68,7 @@ def place_nodes(data, q, place):
         place[b], place[b + one], place[b + two] = 0.5 * (x + u), 0.5 * (y + v), 0.5 * (z + w)
 
 
-@jit
+@bare
 def springs(data, rest, on, spring):
     """Stiffness of each tendon as it is now, N/m: none while it is slack."""
     for t in range(rest.size):
@@ -74,9 +76,9 @@ def springs(data, rest, on, spring):
 
 
 @part
-def tug(force, a, b, x, y, z):
+def tug(data, force, a, b, x, y, z):
     """Add a force to the node at place a and take it from the one at b."""
-    one, two = np.uint64(1), np.uint64(2)
+    one, two = np.uint64(data.row), np.uint64(2 * data.row)
     force[a] += x
     force[a + one] += y
     force[a + two] += z
@@ -92,7 +94,7 @@ def elastic_forces(data, place, rest, spring, least, load, force, gap):
     With least = 0 a slack tendon carries nothing. With -inf a spring pushes: whoever calls then sets `spring` to zero
     for slack tendons and sees to it that none changes over.
     """
-    one, two = np.uint64(1), np.uint64(2)
+    one, two = np.uint64(data.row), np.uint64(2 * data.row)
     for i in range(force.size):
         force[i] = load[i]
     for t in range(rest.size):
@@ -101,23 +103,23 @@ def elastic_forces(data, place, rest, spring, least, load, force, gap):
         length = np.sqrt(x * x + y * y + z * z + _NOTHING)
         gap[t] = length - rest[t]
         pull = spring[t] * max(gap[t], least) / length
-        tug(force, a, b, pull * x, pull * y, pull * z)
+        tug(data, force, a, b, pull * x, pull * y, pull * z)
 
 
-@jit
+@bare
 def haul(data, s, pull, place, force):
     """Add what a segment under a tension does to the nodes at its ends."""
-    one, two = np.uint64(1), np.uint64(2)
+    one, two = np.uint64(data.row), np.uint64(2 * data.row)
     a, b = data.tail_at[s], data.head_at[s]
     x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
     pull /= np.sqrt(x * x + y * y + z * z + _NOTHING)
-    tug(force, a, b, pull * x, pull * y, pull * z)
+    tug(data, force, a, b, pull * x, pull * y, pull * z)
 
 
-@jit
+@bare
 def cable_forces(data, place, rest, spring, least, load, force, gap):
     """`elastic_forces` of a structure with cables: the gap of all of a tendon's segments, then the pull of each."""
-    one, two = np.uint64(1), np.uint64(2)
+    one, two = np.uint64(data.row), np.uint64(2 * data.row)
     for i in range(force.size):
         force[i] = load[i]
     first = 0
@@ -138,7 +140,7 @@ def cable_forces(data, place, rest, spring, least, load, force, gap):
 @part
 def gap_rates(data, place, speed, rest_rate, rate):
     """How fast each tendon's gap grows, m/s."""
-    one, two = np.uint64(1), np.uint64(2)
+    one, two = np.uint64(data.row), np.uint64(2 * data.row)
     for t in range(rate.size):
         a, b = data.tail_at[t], data.head_at[t]
         x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
@@ -146,10 +148,10 @@ def gap_rates(data, place, speed, rest_rate, rate):
         rate[t] = (x * u + y * v + z * w) / np.sqrt(x * x + y * y + z * z + _NOTHING) - rest_rate[t]
 
 
-@jit
+@bare
 def cable_rates(data, place, speed, rest_rate, rate):
     """`gap_rates` of a structure with cables."""
-    one, two = np.uint64(1), np.uint64(2)
+    one, two = np.uint64(data.row), np.uint64(2 * data.row)
     first = 0
     for t in range(rate.size):
         last = first + data.pieces[t]
@@ -162,10 +164,10 @@ def cable_rates(data, place, speed, rest_rate, rate):
         first = last
 
 
-@jit
+@bare
 def damped_cable_forces(data, place, speed, rest, load, force):
     """`damped_forces` of a structure with cables: a damper acts on the rate of the whole length."""
-    one, two = np.uint64(1), np.uint64(2)
+    one, two = np.uint64(data.row), np.uint64(2 * data.row)
     for i in range(force.size):
         force[i] = load[i] - data.drag * speed[i]
     first = 0
@@ -189,10 +191,10 @@ def damped_cable_forces(data, place, speed, rest, load, force):
         first = last
 
 
-@jit
+@bare
 def damped_forces(data, place, speed, rest, load, force):
     """External, tendon, damper and drag forces on each node."""
-    one, two = np.uint64(1), np.uint64(2)
+    one, two = np.uint64(data.row), np.uint64(2 * data.row)
     for i in range(force.size):
         force[i] = load[i] - data.drag * speed[i]
     for t in range(rest.size):
@@ -207,7 +209,7 @@ def damped_forces(data, place, speed, rest, load, force):
             if data.clamped:
                 pull = max(0.0, pull)
             pull /= length
-            tug(force, a, b, pull * x, pull * y, pull * z)
+            tug(data, force, a, b, pull * x, pull * y, pull * z)
 
 
 @part
@@ -269,7 +271,7 @@ def accelerations(data, q, v, rest, external, acceleration):
                 acceleration[r, i - 3] += spin * q[r, i]
 
 
-@jit
+@bare
 def tidy(data, q, v):
     """Put rods back to their lengths and held ends back to the ground; take velocities along rods away."""
     for r in range(data.mass.size):

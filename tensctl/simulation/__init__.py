@@ -5,6 +5,7 @@ from tensctl.simulation.controller import Controller, Measurement
 from tensctl.simulation.course import control_steps
 from tensctl.simulation.energy import momenta, total_energy
 from tensctl.simulation.loads import History, Load, Push, Wave
+from tensctl.simulation.propagate import Propagator, propagator
 from tensctl.simulation.resume import resume
 from tensctl.simulation.run import Run
 from tensctl.simulation.sanity import Sanity, inspect_run
@@ -17,6 +18,7 @@ __all__ = [
     "History",
     "Load",
     "Measurement",
+    "Propagator",
     "Push",
     "Run",
     "Sanity",
@@ -26,6 +28,7 @@ __all__ = [
     "control_steps",
     "inspect_run",
     "momenta",
+    "propagator",
     "resume",
     "simulate",
     "simulate_many",

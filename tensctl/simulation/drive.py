@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensctl.jit import jit
+from tensctl.jit import bare
 
 
 class Drive(NamedTuple):
@@ -47,8 +47,17 @@ class Drive(NamedTuple):
     ramped: bool
     swept: bool
 
+    @classmethod
+    def constant(cls, rest: np.ndarray, force: np.ndarray) -> Drive:
+        """Constant rest lengths (nt,) m and nodal forces (N, 3) N."""
+        still, none = np.zeros_like(rest), np.zeros(0)
+        return cls(
+            0.0, rest, still, still, 1.0, force, np.zeros_like(force),
+            np.zeros(0, np.int64), np.zeros((0, 3)), none, none, False, False,
+        )  # fmt: skip
 
-@jit
+
+@bare
 def drive_at(drive, t, rest, load):
     """Fill rest (nt,) and the flat load (3N,) with their values at time t."""
     s = t - drive.start
@@ -66,7 +75,7 @@ def drive_at(drive, t, rest, load):
                 load[3 * drive.wave_node[w] + i] += swing * drive.wave_force[w, i]
 
 
-@jit
+@bare
 def drive_rate(drive, t, rest_rate, load_rate):
     """Fill the derivatives of rest lengths and forces by time at t."""
     if drive.ramped:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensctl.jit import part
+from tensctl.jit import jit, part
 
 _FREE, _TAIL, _HEAD, _FIXED = 0, 1, 2, 3
 
@@ -71,7 +71,7 @@ def rod_slopes(data, place, speed, force, own):
         own[r] = total / (data.lengths[r] * data.lengths[r])
 
 
-@part
+@jit
 def assemble(data, plan, frame, s, on, pull, turn, press, own, A):
     """Fill the blocks A (blocks, 5, 5) of s^2 M + s C + K."""
     flat = A.reshape(A.size)

@@ -31,8 +31,10 @@ class Choice:
     why: str
 
 
-def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Choice:
+def choose_integrator(dynamics: Dynamics, method: Method, tol: float, *, stop: bool = False) -> Choice:
     """The integrator asked for, or for "auto" the one that fits the scene's damping, size and tolerance.
+
+    Splittings end their steps at the times to record with `stop`; without, recording does not change the motion.
 
     Raises
     ------
@@ -44,7 +46,7 @@ def choose_integrator(dynamics: Dynamics, method: Method, tol: float) -> Choice:
         method, why = fitting(dynamics, tol)
     rate = dynamics.fastest_rate
     if method in _ORDERS:
-        return Choice(_splitting(dynamics, _ORDERS[method], tol, rate), why)
+        return Choice(_splitting(dynamics, _ORDERS[method], tol, rate, stop), why)
     return Choice(_adaptive(dynamics, method, tol, rate), why)
 
 
@@ -92,7 +94,7 @@ def fitting(dynamics: Dynamics, tol: float) -> tuple[Method, str]:
     return "splitting6", "nothing takes energy out: symplectic steps, exact for rods between forces"
 
 
-def _splitting(dynamics: Dynamics, order: Order, tol: float, rate: float) -> Integrator:
+def _splitting(dynamics: Dynamics, order: Order, tol: float, rate: float, stop: bool) -> Integrator:
     from tensctl.simulation.integrators.splitting import Splitting
 
     if dynamics.damped:
@@ -102,7 +104,7 @@ def _splitting(dynamics: Dynamics, order: Order, tol: float, rate: float) -> Int
     if dynamics.tied:
         raise SimulationError(f"splitting{order} moves rods that share no node and no guide; use dopri5.")
     locate = len(dynamics.structure.tendons) <= _MANY or tol < _MODEST
-    return Splitting.fitted(dynamics, order, tol, rate, locate=locate)
+    return Splitting.fitted(dynamics, order, tol, rate, locate=locate, stop=stop)
 
 
 def _rosenbrock(dynamics: Dynamics, tol: float, rate: float) -> Integrator:

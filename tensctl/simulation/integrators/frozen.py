@@ -70,7 +70,7 @@ def frozen_forces(data, place, speed, rest, on, load, force):
         pulls = spring > 0.0 and (pull > 0.0 or c == 0.0 or not data.clamped)
         crossed = crossed or pulls != on[t]
         if on[t]:
-            tug(force, a, b, pull * x, pull * y, pull * z)
+            tug(data, force, a, b, pull * x, pull * y, pull * z)
     return crossed
 
 
@@ -90,4 +90,4 @@ def force_rates(data, place, rest, rest_rate, on, load_rate, force):
         if data.by_strain:
             slope *= length / (rest[t] * rest[t])
         pull = slope * rest_rate[t]
-        tug(force, a, b, pull * x, pull * y, pull * z)
+        tug(data, force, a, b, pull * x, pull * y, pull * z)

@@ -12,12 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensctl.jit import jit, part
-from tensctl.model.kernel import cable_forces, cable_rates, elastic_forces, gap_rates, place_nodes, pushes, springs
-from tensctl.simulation.drive import drive_at, drive_rate
-from tensctl.simulation.integrators.flight import fly, kick
-
-_FREE, _TAIL, _FIXED = 0, 1, 3
+from tensctl.jit import bare, part
+from tensctl.model.kernel import cable_forces, cable_rates, elastic_forces, gap_rates, springs
+from tensctl.simulation.drive import Drive, drive_at, drive_rate
+from tensctl.simulation.integrators.flight import fly, kick, swift, trim
+from tensctl.simulation.integrators.rows import Rows, place_rows, push_rows
 
 
 class Moment(NamedTuple):
@@ -25,7 +24,7 @@ class Moment(NamedTuple):
 
     Attributes
     ----------
-    q, v, push : (nr, 6) rods' coordinates, rates, and accelerations without the centripetal part
+    q, v, push : (6, lanes) rods' coordinates, rates, and accelerations without the centripetal part, in rows
     gap, rate : (nt,) length less rest length, and how it grows
     """
 
@@ -43,7 +42,9 @@ class Scratch(NamedTuple):
     ----------
     on, spring : (nt,) 1 while taut, and the stiffness that goes with it
     rest, rest_rate : (nt,)
-    load, load_rate, place, speed, force : (3N,)
+    load, place, speed, force : (3 row,)
+    nodal, nodal_rate : (3N,)
+        Loads node by node, where they change.
     least : float, m
         Gap that a tendon at least counts: 0 when slack is seen to stage by stage, -inf when springs are frozen.
     """
@@ -53,101 +54,97 @@ class Scratch(NamedTuple):
     rest: np.ndarray
     rest_rate: np.ndarray
     load: np.ndarray
-    load_rate: np.ndarray
+    nodal: np.ndarray
+    nodal_rate: np.ndarray
     place: np.ndarray
     speed: np.ndarray
     force: np.ndarray
     least: float
 
 
-def moment(rods: int, tendons: int) -> Moment:
+def moment(rows: Rows) -> Moment:
     """Room for one moment."""
-    q, v, push = (np.zeros((rods, 6)) for _ in range(3))
-    return Moment(q, v, push, np.zeros(tendons), np.zeros(tendons))
+    q, v, push = (np.zeros((6, rows.lanes)) for _ in range(3))
+    q[3, rows.rods :] = 1.0
+    gap, rate = (np.zeros(len(rows.stiffness)) for _ in range(2))
+    return Moment(q, v, push, gap, rate)
 
 
-def scratch(anchor: np.ndarray, rest: np.ndarray, load: np.ndarray, *, frozen: bool) -> Scratch:
+def scratch(rows: Rows, anchor: np.ndarray, drive: Drive, *, frozen: bool) -> Scratch:
     """Room to work in, with rest lengths and loads that do not change already in place."""
-    on, spring, rest_rate = (np.zeros_like(rest) for _ in range(3))
-    load_rate, speed, force = (np.zeros(anchor.size) for _ in range(3))
-    least = -np.inf if frozen else 0.0
-    return Scratch(on, spring, rest.copy(), rest_rate, load.flatten(), load_rate, anchor.flatten(), speed, force, least)
+    on, spring, rest_rate = (np.zeros_like(drive.rest) for _ in range(3))
+    nodal, nodal_rate = (np.zeros(drive.force.size) for _ in range(2))
+    speed, force = (np.zeros(3 * rows.row) for _ in range(2))
+    return Scratch(
+        on, spring, drive.rest.copy(), rest_rate, rows.nodal(drive.force), nodal, nodal_rate, rows.nodal(anchor),
+        speed, force, -np.inf if frozen else 0.0,
+    )  # fmt: skip
 
 
-@jit
+@bare
 def copy_moment(source, target):
     """Write one moment over another."""
-    for r in range(source.q.shape[0]):
-        for i in range(6):
-            target.q[r, i], target.v[r, i], target.push[r, i] = source.q[r, i], source.v[r, i], source.push[r, i]
+    for i in range(6):
+        for r in range(source.q.shape[1]):
+            target.q[i, r], target.v[i, r], target.push[i, r] = source.q[i, r], source.v[i, r], source.push[i, r]
     for t in range(source.gap.size):
         target.gap[t], target.rate[t] = source.gap[t], source.rate[t]
 
 
 @part
-def push_at(data, drive, t, now, work):
-    """Accelerations and gaps at time t."""
-    if drive.ramped or drive.swept:
-        drive_at(drive, t, work.rest, work.load)
-    if drive.ramped and data.by_strain:
-        springs(data, work.rest, work.on, work.spring)
-    place_nodes(data, now.q, work.place)
-    if data.cables:
-        cable_forces(data, work.place, work.rest, work.spring, work.least, work.load, work.force, now.gap)
-    else:
-        elastic_forces(data, work.place, work.rest, work.spring, work.least, work.load, work.force, now.gap)
-    pushes(data, now.q, work.force, now.push)
-
-
-@jit
-def refresh(data, drive, t, now, work):
-    """`push_at` on its own."""
-    push_at(data, drive, t, now, work)
-
-
-@jit
-def rates_at(data, drive, t, now, work):
-    """How fast gaps grow at time t, from nodes that `push_at` placed."""
-    if drive.ramped:
-        drive_rate(drive, t, work.rest_rate, work.load_rate)
-    place_nodes(data, now.v, work.speed)
-    if data.cables:
-        cable_rates(data, work.place, work.speed, work.rest_rate, now.rate)
-    else:
-        gap_rates(data, work.place, work.speed, work.rest_rate, now.rate)
+def loads_at(rows, drive, t, work):
+    """Rest lengths and loads at time t, where they change."""
+    drive_at(drive, t, work.rest, work.nodal)
+    if drive.swept:
+        for a in range(rows.where.size):
+            for i in range(3):
+                work.load[i * rows.row + rows.where[a]] = work.nodal[3 * a + i]
 
 
 @part
-def trim(data, q, v):
-    """Take rounding out of rod lengths and out of velocities along rods: one Newton step of 1/sqrt."""
-    for r in range(data.mass.size):
-        if data.hold[r] == _FIXED:
-            continue
-        over = 1.0 / (data.lengths[r] * data.lengths[r])
-        x, y, z = q[r, 3], q[r, 4], q[r, 5]
-        scale = 1.5 - 0.5 * over * (x * x + y * y + z * z)
-        along = over * (x * v[r, 3] + y * v[r, 4] + z * v[r, 5])
-        for i in range(3, 6):
-            v[r, i] -= along * q[r, i]
-            q[r, i] *= scale
-        if data.hold[r] != _FREE:
-            sign = 1.0 if data.hold[r] == _TAIL else -1.0
-            held = data.rod_tail[r] if data.hold[r] == _TAIL else data.rod_head[r]
-            for i in range(3):
-                q[r, i] = 2.0 * data.anchor[held, i] + sign * q[r, 3 + i]
-                v[r, i] = sign * v[r, 3 + i]
+def push_at(rows, drive, t, now, work):
+    """Accelerations and gaps at time t."""
+    if drive.ramped or drive.swept:
+        loads_at(rows, drive, t, work)
+    if drive.ramped and rows.by_strain:
+        springs(rows, work.rest, work.on, work.spring)
+    place_rows(rows, now.q, work.place)
+    if rows.cables:
+        cable_forces(rows, work.place, work.rest, work.spring, work.least, work.load, work.force, now.gap)
+    else:
+        elastic_forces(rows, work.place, work.rest, work.spring, work.least, work.load, work.force, now.gap)
+    push_rows(rows, now.q, work.force, now.push)
 
 
-@jit
-def leap(data, drive, t, h, kicks, drifts, now, work):
+@bare
+def refresh(rows, drive, t, now, work):
+    """`push_at` on its own."""
+    push_at(rows, drive, t, now, work)
+
+
+@bare
+def rates_at(rows, drive, t, now, work):
+    """How fast gaps grow at time t."""
+    if drive.ramped:
+        drive_rate(drive, t, work.rest_rate, work.nodal_rate)
+    place_rows(rows, now.q, work.place)
+    place_rows(rows, now.v, work.speed)
+    if rows.cables:
+        cable_rates(rows, work.place, work.speed, work.rest_rate, now.rate)
+    else:
+        gap_rates(rows, work.place, work.speed, work.rest_rate, now.rate)
+
+
+@bare
+def leap(rows, drive, t, h, kicks, drifts, now, work):
     """Take one step of length h from time t; `now.push` is that of the start, and of the end afterwards."""
-    kick(data, now.v, now.push, kicks[0] * h)
-    at = t
+    kick(now.v, now.push, kicks[0] * h)
+    at, far = t, swift(rows, now.v, h)
     for stage in range(drifts.size):
-        fly(data, now.q, now.v, drifts[stage] * h)
+        fly(rows, now.q, now.v, drifts[stage] * h, far)
         at += drifts[stage] * h
         if stage == drifts.size - 1:
-            trim(data, now.q, now.v)
+            trim(rows, now.q, now.v)
             at = t + h
-        push_at(data, drive, at, now, work)
-        kick(data, now.v, now.push, kicks[stage + 1] * h)
+        push_at(rows, drive, at, now, work)
+        kick(now.v, now.push, kicks[stage + 1] * h)

@@ -11,7 +11,7 @@ of it costs an impulse of k band^2 / speed only, and rounding cannot make a tend
 
 from __future__ import annotations
 
-from tensctl.jit import jit
+from tensctl.jit import bare
 from tensctl.model.kernel import springs
 from tensctl.simulation.integrators.leap import copy_moment, leap, rates_at, refresh
 
@@ -23,14 +23,14 @@ _TRIALS = 60
 _EARLIER = 50
 
 
-@jit
+@bare
 def cubic(y0, d0, y1, d1, x):
     """Value of the cubic with values y and slopes d at 0 and 1."""
     e = y1 - y0
     return y0 + x * (d0 + x * ((3.0 * e - 2.0 * d0 - d1) + x * (d0 + d1 - 2.0 * e)))
 
 
-@jit
+@bare
 def crossing(y0, d0, y1, d1, level):
     """Where the cubic first reaches a level that it is below of at 0 and not below of at 1, by bisection to 1/1000."""
     low, high = 0.0, 1.0
@@ -43,7 +43,7 @@ def crossing(y0, d0, y1, d1, level):
     return 0.5 * (low + high)
 
 
-@jit
+@bare
 def peak(y0, d0, y1, d1):
     """Where the cubic has its maximum when it rises at 0 and falls at 1."""
     low, high = 0.0, 1.0
@@ -56,13 +56,13 @@ def peak(y0, d0, y1, d1):
     return 0.5 * (low + high)
 
 
-@jit
+@bare
 def level_of(s, band):
     """The s at which a tendon changes over that stands at s now: its boundary, or a place further out in its band."""
     return 0.0 if s < 0.0 else 0.5 * (s + band)
 
 
-@jit
+@bare
 def first_to_leave(on, rest, gap0, rate0, gap1, rate1, h):
     """The tendon that leaves its side first in a step, about when, and whether it is back by the end; -1 for none."""
     first, when, hidden = -1, h, False
@@ -82,23 +82,23 @@ def first_to_leave(on, rest, gap0, rate0, gap1, rate1, h):
     return first, when, hidden
 
 
-@jit
-def again(data, drive, t, h, kicks, drifts, start, now, work):
+@bare
+def again(rows, drive, t, h, kicks, drifts, start, now, work):
     """Take the step from the same start with another length."""
     copy_moment(start, now)
-    leap(data, drive, t, h, kicks, drifts, now, work)
-    rates_at(data, drive, t + h, now, work)
+    leap(rows, drive, t, h, kicks, drifts, now, work)
+    rates_at(rows, drive, t + h, now, work)
 
 
-@jit
-def land_on(data, drive, t, tendon, longest, guess, kicks, drifts, start, now, work):
+@bare
+def land_on(rows, drive, t, tendon, longest, guess, kicks, drifts, start, now, work):
     """The step length at which a tendon reaches its boundary, the structure left there; and how many trials it took."""
     side, band = 1.0 - 2.0 * work.on[tendon], BAND * work.rest[tendon]
     level = level_of(side * start.gap[tendon], band)
     low, high, h = 0.0, longest, guess
     trials = 0
     while trials < _TRIALS:
-        again(data, drive, t, h, kicks, drifts, start, now, work)
+        again(rows, drive, t, h, kicks, drifts, start, now, work)
         trials += 1
         miss, slope = side * now.gap[tendon] - level, side * now.rate[tendon]
         if abs(miss) <= 0.01 * band:
@@ -112,13 +112,13 @@ def land_on(data, drive, t, tendon, longest, guess, kicks, drifts, start, now, w
             h = 0.5 * (low + high)
         if not low < h < high:
             h = high
-            again(data, drive, t, h, kicks, drifts, start, now, work)
+            again(rows, drive, t, h, kicks, drifts, start, now, work)
             break
     return h, trials
 
 
-@jit
-def change_over(data, drive, t, tendon, now, work):
+@bare
+def change_over(rows, drive, t, tendon, now, work):
     """Put a tendon, and all in their band that move outward, on their other side; how many there were."""
     count = 0
     for k in range(work.on.size):
@@ -127,13 +127,13 @@ def change_over(data, drive, t, tendon, now, work):
         if k == tendon or s > band or (s >= -band and side * now.rate[k] > 0.0):
             work.on[k] = 1.0 - work.on[k]
             count += 1
-    springs(data, work.rest, work.on, work.spring)
-    refresh(data, drive, t, now, work)
+    springs(rows, work.rest, work.on, work.spring)
+    refresh(rows, drive, t, now, work)
     return count
 
 
-@jit
-def settle(data, drive, t, h, kicks, drifts, start, now, work):
+@bare
+def settle(rows, drive, t, h, kicks, drifts, start, now, work):
     """Shorten a step that was just taken to its first switch; returns its length, the tendon or -1, and steps tried."""
     tendon, tried = -1, 0
     for _ in range(_EARLIER):
@@ -142,10 +142,10 @@ def settle(data, drive, t, h, kicks, drifts, start, now, work):
             break
         if hidden:
             h, tendon = when, -1
-            again(data, drive, t, h, kicks, drifts, start, now, work)
+            again(rows, drive, t, h, kicks, drifts, start, now, work)
             tried += 1
         else:
             tendon = left
-            h, trials = land_on(data, drive, t, tendon, h, when, kicks, drifts, start, now, work)
+            h, trials = land_on(rows, drive, t, tendon, h, when, kicks, drifts, start, now, work)
             tried += trials
     return h, tendon, tried
