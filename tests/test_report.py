@@ -119,6 +119,7 @@ class FakeControllability:
 class FakeLqr:
     poles: np.ndarray
     residual: float
+    left: tuple = ()
 
 
 @dataclass(frozen=True)

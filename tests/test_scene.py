@@ -176,7 +176,7 @@ SENTENCES = [
     ({"mpc": {"solver": "qp"}}, 'mpc.solver is "qp"; expected "auto", "daqp" or "osqp".'),
     ({"target": {}}, "target.height_scale is missing; expected a finite number > 0 (of the height at rest)."),
     ({"target": {"twist": 1}}, "target.twist is planned, but not supported yet."),
-    ({"lqg": {}}, "lqg is planned, but not supported yet."),
+    ({"sweep": {}}, "sweep is planned, but not supported yet."),
     ({"lgr": {}}, "lgr is no key of a scene; did you mean lqr?"),
     (
         {"controllability": {"grid": 1}},

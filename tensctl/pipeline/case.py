@@ -10,7 +10,7 @@ from tensctl.pipeline.results import Results
 from tensctl.report import Case, Check, Height, Limits, MpcCheck
 from tensctl.report import Push as ShownPush
 from tensctl.structure import matches
-from tensctl.synthesis import shell_height
+from tensctl.synthesis import LQG, shell_height
 
 # Time after the last planned motion or push before the shape is judged, s.
 _SETTLING = 3.0
@@ -28,6 +28,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         controllability=results.controllability,
         study=results.study,
         lqr=results.lqr,
+        lqg=results.lqg,
         path=results.path,
         run=results.run,
         sanity=results.sanity,
@@ -49,6 +50,8 @@ def checks(results: Results) -> tuple[Check, ...]:
     if results.lqr is not None:
         found.append(_below("LQR: Riccati residual over its terms", results.lqr.residual, 1e-9))
         found.append(_below("LQR: real part of the slowest pole, 1/s", results.lqr.slowest, 0.0))
+    if results.lqg is not None:
+        found += _of_lqg(results.lqg)
     if results.path is not None:
         worst = max(e.residual for e in results.path.equilibria)
         found.append(_below("path: unbalanced force of the worst planned equilibrium", worst, 1e-9))
@@ -62,8 +65,31 @@ def checks(results: Results) -> tuple[Check, ...]:
         found.append(_below("MPC: hard limits violated", certificate.violations, 0))
         found += _twice_stated(certificate)
     if results.shape_error is not None and _had_time(results):
-        found.append(_below("closed loop: last distance to the wanted shape, m", results.shape_error[-1], 1e-3))
+        found.append(_below("closed loop: last distance to the wanted shape, m", *_still(results)))
     return tuple(found)
+
+
+def _of_lqg(lqg: LQG) -> list[Check]:
+    found = [
+        _below("LQG: regulator's Riccati residual over its terms", lqg.regulator.residual, 1e-9),
+        _below("LQG: filter's Riccati residual over its terms", lqg.filter.residual, 1e-9),
+        _below("LQG: real part of the loop's slowest pole, 1/s", lqg.slowest, 0.0),
+        _below("LQG: residual of the loop's covariance over its terms", lqg.covariance.residual, 1e-9),
+    ]
+    if lqg.separation is not None:
+        found.append(_below("LQG: loop's poles against regulator's and filter's, relative", lqg.separation, 1e-5))
+    return found
+
+
+def _still(results: Results) -> tuple[float, float, str]:
+    """Last distance to the wanted shape, and a millimetre beyond five deviations of what sensor noise keeps moving."""
+    assert results.shape_error is not None
+    assert results.scene.simulation is not None
+    last = float(results.shape_error[-1])
+    if results.lqg is None or results.scene.simulation.controller != "lqg":
+        return last, 1e-3, ""
+    shake = results.lqg.shake
+    return last, 1e-3 + 5 * shake, f"sensor noise moves a node by {1e3 * shake:.2g} mm (standard deviation)"
 
 
 def _twice_stated(certificate: Certificate) -> list[Check]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tensctl.simulation import Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQR, MPC, ShapePath
+    from tensctl.synthesis import LQG, LQR, MPC, SampledLQR, ShapePath
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,9 @@ class Results:
     study : Study
         What the tendons can do, all that `[controllability]` asks for.
     path : ShapePath
-    lqr : LQR
+    lqr : LQR or SampledLQR
         About the target's equilibrium where there is a target.
+    lqg : LQG
     mpc : MPC
     run : Run
     sanity : Sanity
@@ -53,7 +54,8 @@ class Results:
     linear: LinearModel | None = None
     study: Study | None = None
     path: ShapePath | None = None
-    lqr: LQR | None = None
+    lqr: LQR | SampledLQR | None = None
+    lqg: LQG | None = None
     mpc: MPC | None = None
     run: Run | None = None
     sanity: Sanity | None = None

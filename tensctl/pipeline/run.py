@@ -75,7 +75,7 @@ def _run(scene: Scene, out: str | Path, clock: Clock) -> Results:
 def study(scene: Scene) -> Study:
     """What the tendons of a scene can do, and nothing else: what `tensctl controllability` prints."""
     asked = {} if scene.controllability is None else scene.controllability
-    later = dict.fromkeys(("lqr", "mpc", "target", "simulation", "accuracy", "report"))
+    later = dict.fromkeys(("lqr", "lqg", "mpc", "target", "simulation", "accuracy", "report"))
     found = _compute(scene.replaced(**later, controllability=asked), Clock()).study
     assert found is not None
     return found
@@ -95,6 +95,7 @@ def _compute(scene: Scene, clock: Clock) -> Results:
         (scene.controllability is not None, _controllability),
         (scene.target is not None, _plan),
         (scene.lqr is not None, _lqr),
+        (scene.lqg is not None, _lqg),
         (scene.mpc is not None, _mpc),
         (scene.simulation is not None, simulated),
         (scene.simulation is not None, _inspect),
@@ -118,7 +119,7 @@ def _controller(scene: Scene) -> str:
 
 
 def _needs_linear(scene: Scene) -> bool:
-    return any(part is not None for part in (scene.linearize, scene.controllability, scene.lqr, scene.mpc))
+    return any(part is not None for part in (scene.linearize, scene.controllability, scene.lqr, scene.lqg, scene.mpc))
 
 
 def _held(equilibrium: Equilibrium, scene: Scene) -> Equilibrium:
@@ -177,18 +178,20 @@ def _at_target(results: Results):
 
 
 def _lqr(results: Results, clock: Clock) -> Results:
-    import numpy as np
+    from tensctl.pipeline.feedback import design_lqr
 
-    from tensctl.synthesis import lqr
-    from tensctl.synthesis.weights import input_stiffness
-
-    weights = results.scene.lqr
-    assert weights is not None
+    assert results.scene.lqr is not None
     with clock.stage("LQR"):
-        flexible = _at_target(results).flexible
-        Q = weights.energy_weight * np.eye(flexible.A.shape[0])
-        R = weights.input_weight * np.diag(input_stiffness(flexible))
-        return replace(results, lqr=lqr(flexible, Q, R))
+        return replace(results, lqr=design_lqr(results.scene.lqr, _at_target(results)))
+
+
+def _lqg(results: Results, clock: Clock) -> Results:
+    from tensctl.pipeline.feedback import design_lqg
+
+    assert results.scene.lqg is not None
+    assert results.scene.sensors is not None
+    with clock.stage("LQG"):
+        return replace(results, lqg=design_lqg(results.scene.lqg, results.scene.sensors, _at_target(results)))
 
 
 def _mpc(results: Results, clock: Clock) -> Results:

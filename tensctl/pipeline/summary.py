@@ -13,7 +13,7 @@ from tensctl.pipeline.results import Results
 if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.simulation import Sanity
-    from tensctl.synthesis import LQR
+    from tensctl.synthesis import LQG, LQR, SampledLQR
 
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
@@ -26,6 +26,7 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "linear": _linear(results),
         "controllability": None if results.study is None else _study(results.study),
         "lqr": None if results.lqr is None else _lqr(results.lqr),
+        "lqg": None if results.lqg is None else _lqg(results.lqg),
         "target": _target(results),
         "mpc": _mpc(results),
         "simulation": _simulation(results),
@@ -81,8 +82,27 @@ def _study(study: Study) -> dict:
     return record(study)
 
 
-def _lqr(lqr: LQR) -> dict:
-    return {"riccati_residual": lqr.residual, "slowest_pole": lqr.slowest, "sample_time_s": lqr.dt}
+def _lqr(lqr: LQR | SampledLQR) -> dict:
+    facts = {"riccati_residual": lqr.residual, "slowest_pole": lqr.slowest, "sample_time_s": lqr.dt}
+    return facts | ({"left_out": [str(mode) for mode in lqr.left]} if lqr.left else {})
+
+
+def _lqg(lqg: LQG) -> dict:
+    whole, single = lqg.margins
+    facts = {
+        "states": lqg.order,
+        "measured": len(lqg.sensors.labels),
+        "sample_time_s": lqg.dt,
+        "regulator_riccati_residual": lqg.regulator.residual,
+        "filter_riccati_residual": lqg.filter.residual,
+        "slowest_pole": lqg.slowest,
+        "separation": lqg.separation,
+        "disk_margin": whole.alpha,
+        "disk_margin_of_one_input": min(margin.alpha for margin in single),
+        "expected_cost_of_a_period": lqg.expected_cost,
+        "node_deviation_from_sensor_noise_m": lqg.shake,
+    }
+    return facts | ({"left_out": [str(mode) for mode in lqg.left]} if lqg.left else {})
 
 
 def _target(results: Results) -> dict | None:

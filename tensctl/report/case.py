@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tensctl.simulation import Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQR, ShapePath
+    from tensctl.synthesis import LQG, LQR, SampledLQR, ShapePath
 
 
 RELAXED_MORE_THAN = 1e-9  # N; below it a relaxation of the tension floor is the solver's rounding, not a decision
@@ -115,7 +115,7 @@ class Case:
         What is built.
     scene_toml : str, optional
         The scene with every default visible.
-    equilibrium, linear, controllability, lqr, path, run, sanity, accuracy
+    equilibrium, linear, controllability, lqr, lqg, path, run, sanity, accuracy
         Results of the other rooms, read by attribute only: nothing of those rooms is loaded.
     limits : Limits, optional
         Drawn into the plots of the run.
@@ -141,7 +141,8 @@ class Case:
     equilibrium: Equilibrium | None = None
     linear: LinearModel | None = None
     controllability: ModalReport | None = None
-    lqr: LQR | None = None
+    lqr: LQR | SampledLQR | None = None
+    lqg: LQG | None = None
     path: ShapePath | None = None
     run: Run | None = None
     sanity: Sanity | None = None

@@ -32,6 +32,7 @@ class Figures:
     shape_error: Plot | None
     modes: Plot | None
     poles: Plot | None
+    lqg_poles: Plot | None
     solve_times: Plot | None
     kkt: Plot | None
     clearances: Plot | None
@@ -58,6 +59,7 @@ def draw_figures(case: Case, motion: Motion) -> Figures:
         shape_error=plot_time.shape_error(case),
         modes=plot_modes.frequencies(case.linear),
         poles=plot_poles.poles(case.lqr, case.linear),
+        lqg_poles=plot_poles.poles(case.lqg, case.linear, "LQG"),
         solve_times=plot_solver.solve_times(case.run, None if case.mpc_check is None else case.mpc_check.dt),
         kkt=plot_solver.kkt_residuals(case.run),
         clearances=plot_sanity.clearances(case),

@@ -1,4 +1,4 @@
-"""Poles of the structure under LQR, upper half of the complex plane, with rays of constant damping."""
+"""Poles of the structure under LQR or LQG, upper half of the complex plane, with rays of constant damping."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tensctl.report.plots import Plot, Sheet, draw
 
 if TYPE_CHECKING:
     from tensctl.linear import LinearModel
-    from tensctl.synthesis import LQR
+    from tensctl.synthesis import LQG, LQR, SampledLQR
 
 
 SHEET = Sheet(height=310.0, top=32.0, right=40.0, left=24.0)
@@ -21,18 +21,19 @@ DAMPING = (0.05, 0.1, 0.2, 0.4)  # rays drawn where they cross the plot
 MOST_STATES = 250  # the open loop's poles are computed here, cubic in the states: 20 ms at 250
 
 
-def poles(lqr: LQR | None, linear: LinearModel | None) -> Plot | None:
+def poles(design: LQR | SampledLQR | LQG | None, linear: LinearModel | None, name: str = "LQR") -> Plot | None:
     """Closed-loop poles, and the open loop's where the model is small enough to compute them on the way."""
-    if lqr is None or not np.isfinite(lqr.poles).any():
+    if design is None or not np.isfinite(design.poles).any():
         return None
-    closed = np.asarray(lqr.poles)[np.isfinite(lqr.poles)]
+    closed = np.asarray(design.poles)[np.isfinite(design.poles)]
     before = np.empty(0)
     if linear is not None and len(linear.flexible.A) <= MOST_STATES:
         before = np.linalg.eigvals(np.asarray(linear.flexible.A))
-    return draw("poles", "Poles with and without LQR", lambda axes: _paint(axes, closed, before), SHEET)
+    named = "poles" if name == "LQR" else f"poles-{name.lower()}"
+    return draw(named, f"Poles with and without {name}", lambda axes: _paint(axes, closed, before, name), SHEET)
 
 
-def _paint(axes: Axes, closed: np.ndarray, before: np.ndarray) -> None:
+def _paint(axes: Axes, closed: np.ndarray, before: np.ndarray, name: str) -> None:
     closed, before = _upper(closed), _upper(before)
     every = np.concatenate([closed, before])
     left = min(1.12 * np.real(every).min(), -1e-3)
@@ -60,7 +61,7 @@ def _paint(axes: Axes, closed: np.ndarray, before: np.ndarray) -> None:
         color=BLUE.light,
         markersize=6,
         markeredgewidth=1.5,
-        label="with LQR",
+        label=f"with {name}",
     )
     axes.yaxis.tick_right()
     axes.spines["left"].set_visible(False)

@@ -22,7 +22,7 @@ class Section:
 
 def _certified(case: Case) -> bool:
     solved = case.run is not None and len(case.run.solve_time) > 0
-    return case.lqr is not None or case.mpc_check is not None or solved
+    return case.lqr is not None or case.lqg is not None or case.mpc_check is not None or solved
 
 
 SECTIONS = (

@@ -16,9 +16,11 @@ from tensctl.scene.stages import (
     ControllabilityStage,
     EquilibriumStage,
     LinearizeStage,
+    LqgStage,
     LqrStage,
     MpcStage,
     ReportStage,
+    SensorsStage,
     SimulationStage,
     TargetStage,
 )
@@ -46,7 +48,7 @@ class Scene(Section):
         One sentence that names the first wrong key, its value and what is expected.
     """
 
-    not_yet: ClassVar[tuple[str, ...]] = ("sensors", "lqg", "sweep")
+    not_yet: ClassVar[tuple[str, ...]] = ("sweep",)
 
     title: Annotated[str, Text(empty=True)] = ""
     structure: Recipe
@@ -56,10 +58,12 @@ class Scene(Section):
     loads: Loads | None = None
     drag: Drag | None = None
     actuators: Actuators = Field(default_factory=Actuators)
+    sensors: SensorsStage | None = None
     equilibrium: EquilibriumStage | None = None
     linearize: LinearizeStage | None = None
     controllability: ControllabilityStage | None = None
     lqr: LqrStage | None = None
+    lqg: LqgStage | None = None
     mpc: MpcStage | None = None
     target: TargetStage | None = None
     simulation: SimulationStage | None = None
@@ -86,6 +90,12 @@ class Scene(Section):
                 "simulation",
                 "controller",
             )
+        return self
+
+    @model_validator(mode="after")
+    def _estimator_has_sensors(self) -> Self:
+        if self.lqg is not None and self.sensors is None:
+            raise complaint("is there, but nothing is measured; expected a section [sensors] beside it", "lqg")
         return self
 
     @property

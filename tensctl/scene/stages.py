@@ -9,11 +9,12 @@ from pydantic import Field, model_validator
 
 from tensctl.scene.complaint import complaint, shown
 from tensctl.scene.section import Section
-from tensctl.scene.tables import Table
+from tensctl.scene.tables import Table, per_member
 from tensctl.scene.values import Choice, KindOf, Number, Numbers, Text, Vector
 
 Output = Annotated[str, KindOf("nodes", "velocities", "lengths", "tensions", example="nodes:P4_*")]
 Tolerance = Annotated[float, Number(above=0, below=1)]
+Size = float | dict[str, float]
 Method = Literal["splitting2", "splitting4", "splitting6", "dopri5", "rosenbrock", "cvodes", "idas"]
 
 
@@ -60,11 +61,44 @@ class ControllabilityStage(Section):
     move: tuple[MoveRequest, ...] = ()
 
 
-class LqrStage(Section):
-    """`[lqr]`: weights of the modes' energy and of the inputs."""
+class FeedbackStage(Section):
+    """Weights of the modes' energy and of the inputs, and sizes that count 1 in the cost."""
 
     energy_weight: Annotated[float, Number(above=0)] = 1.0
     input_weight: Annotated[float, Number(above=0)] = 1.0
+    nodes: Annotated[Size | None, per_member(Number("m", above=0))] = None
+    tensions: Annotated[Size | None, per_member(Number("N", above=0))] = None
+    rest_lengths: Annotated[Size | None, per_member(Number("m", above=0))] = None
+    stabilisable_only: bool = Field(default=False, strict=True)
+
+
+class LqrStage(FeedbackStage):
+    """`[lqr]`: state feedback, of the sampled loop where a period is given."""
+
+    dt: Annotated[float | None, Number("s", above=0)] = None
+
+
+class SensorsStage(Section):
+    """`[sensors]`: what is measured, each by the standard deviation of a sample."""
+
+    lengths: Annotated[Size | None, per_member(Number("m", above=0))] = None
+    tensions: Annotated[Size | None, per_member(Number("N", above=0))] = None
+    nodes: Annotated[Size | None, per_member(Number("m", above=0))] = None
+    seed: Annotated[int, Number(least=0, whole=True)] = 0
+
+    @model_validator(mode="after")
+    def _measures(self) -> Self:
+        if self.lengths is None and self.tensions is None and self.nodes is None:
+            raise complaint("measures nothing; expected lengths, tensions or nodes, each with its noise")
+        return self
+
+
+class LqgStage(FeedbackStage):
+    """`[lqg]`: output feedback from the sensors."""
+
+    force_noise: Annotated[Size, per_member(Number("N s^1/2", least=0))] = 0.1
+    dt: Annotated[float, Number("s", above=0)] = 0.02
+    order: Annotated[int | None, Number("states", least=1, whole=True)] = None
 
 
 class MpcStage(Section):
@@ -135,7 +169,7 @@ class SimulationStage(Section):
     """`[simulation]`: the run of the full nonlinear structure."""
 
     t_end: Annotated[float, Number("s", above=0)]
-    controller: Literal["none", "lqr", "mpc"] = "none"
+    controller: Literal["none", "lqr", "lqg", "mpc"] = "none"
     method: Literal["auto", Method] = "auto"
     tol: Tolerance = 1e-10
     start: Literal["auto", "nodes", "equilibrium"] = "auto"

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.optimize as so
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
@@ -25,11 +25,13 @@ from tensctl.synthesis.estimator import Estimator, Plant, kalman_estimator
 from tensctl.synthesis.feedback import command
 from tensctl.synthesis.kalman import Kalman, kalman, white_forces
 from tensctl.synthesis.loop import Loop, close
+from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.lyapunov import Lyapunov
 from tensctl.synthesis.margins import DiskMargin
 from tensctl.synthesis.over_period import integral, ramped_cost
 from tensctl.synthesis.reduced import reduced
 from tensctl.synthesis.sensors import Reading, Sensors
+from tensctl.synthesis.shown import shown
 from tensctl.synthesis.stabilisable import LeftOut, controlled_part
 from tensctl.synthesis.truncation import Truncated
 from tensctl.synthesis.weights import Cost
@@ -88,6 +90,24 @@ class LQG:
     def loop(self) -> Loop:
         """The closed loop of the linear model and the controller."""
         return close(self.plant, self.estimator)
+
+    @cached_property
+    def poles(self) -> Complex[np.ndarray, " n"]:
+        """Poles of the closed loop, 1/s; of a sampled one log(z)/dt, minus infinity for what is gone in a period."""
+        spectrum = self.loop.spectrum
+        return spectrum if self.dt is None else continuous_poles(spectrum, self.dt)
+
+    @property
+    def slowest(self) -> float:
+        """Real part of the slowest pole, 1/s; negative when the loop is stable."""
+        return float(np.real(self.poles).max())
+
+    @cached_property
+    def shake(self) -> float:
+        """Largest standard deviation of a node's coordinate that the sensors' noise alone keeps up, m."""
+        X = self.loop.noise(np.zeros_like(self.filter.W), self.filter.V).X
+        n, C = len(self.plant.A), shown(self.linear, "nodes").C @ self.basis
+        return float(np.sqrt(np.einsum("ij,jk,ik->i", C, X[:n, :n], C).max(initial=0.0)))
 
     @cached_property
     def separation(self) -> float | None:

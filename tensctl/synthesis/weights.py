@@ -85,7 +85,7 @@ def weights(
         sizes = _positive("tensions", by_label(structure.tendon_labels, tensions, "tensions", np.inf))
         total += _squares(shown(flexible, "tensions"), sizes)
     total[nx:, nx:] += np.diag(_of_inputs(flexible, energy, rest_lengths))
-    if nu and np.linalg.eigvalsh(total[nx:, nx:]).min() <= 0:
+    if nu and rest_lengths is None and np.linalg.eigvalsh(total[nx:, nx:]).min() <= 0:
         raise SynthesisError("some rest length costs nothing; give rest_lengths, the change that is allowed, in m.")
     return Cost(total[:nx, :nx], total[nx:, nx:], total[:nx, nx:])
 

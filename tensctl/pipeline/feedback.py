@@ -1,0 +1,45 @@
+"""LQR and LQG as a scene asks for them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensctl.linear import LinearModel
+from tensctl.scene import LqgStage, LqrStage, SensorsStage
+from tensctl.synthesis import LQG, LQR, Cost, SampledLQR, lqg, lqr, sensors, weights
+from tensctl.synthesis.weights import input_stiffness
+
+
+def cost_of(asked: LqrStage | LqgStage, linear: LinearModel) -> Cost:
+    """Energies by their weights, and what has an allowed size."""
+    flexible = linear.flexible
+    nx, nu = flexible.B.shape
+    Q = asked.energy_weight * np.eye(nx)
+    R = np.zeros((nu, nu))
+    if asked.rest_lengths is None:
+        R = asked.input_weight * np.diag(input_stiffness(flexible))
+    if asked.nodes is None and asked.tensions is None and asked.rest_lengths is None:
+        return Cost(Q, R, np.zeros((nx, nu)))
+    # An infinite size costs nothing: the inputs' weight stands in R already.
+    inputs = np.inf if asked.rest_lengths is None else asked.rest_lengths
+    sized = weights(flexible, nodes=asked.nodes, tensions=asked.tensions, rest_lengths=inputs)
+    return Cost(Q + sized.Q, R + sized.R, sized.N)
+
+
+def design_lqr(asked: LqrStage, linear: LinearModel) -> LQR | SampledLQR:
+    """State feedback, sampled where the scene gives a period."""
+    only, cost = asked.stabilisable_only, cost_of(asked, linear)
+    if asked.dt is None:
+        return lqr(linear, cost=cost, stabilisable_only=only)
+    return lqr(linear, cost=cost, dt=asked.dt, stabilisable_only=only)
+
+
+def design_lqg(asked: LqgStage, seen: SensorsStage, linear: LinearModel) -> LQG:
+    """Output feedback from the scene's sensors."""
+    eyes = sensors(
+        linear.dynamics.structure, lengths=seen.lengths, tensions=seen.tensions, nodes=seen.nodes, seed=seen.seed
+    )
+    return lqg(
+        linear, eyes, cost=cost_of(asked, linear), force_noise=asked.force_noise, dt=asked.dt, order=asked.order,
+        stabilisable_only=asked.stabilisable_only,
+    )  # fmt: skip
