@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 SHEET = Sheet(height=310.0, top=32.0, right=40.0, left=24.0)
 DAMPING = (0.05, 0.1, 0.2, 0.4)  # rays drawn where they cross the plot
+_FAR = 2.0  # part of the highest frequency beyond which a decay is not drawn
 MOST_STATES = 250  # the open loop's poles are computed here, cubic in the states: 20 ms at 250
 
 
@@ -26,6 +27,9 @@ def poles(design: LQR | SampledLQR | LQG | None, linear: LinearModel | None, nam
     if design is None or not np.isfinite(design.poles).any():
         return None
     closed = np.asarray(design.poles)[np.isfinite(design.poles)]
+    # Poles of a sampled loop that are gone within a period stand far to the left and would squeeze the others.
+    near = -np.real(closed) <= _FAR * np.abs(np.imag(closed)).max()
+    closed = closed[near] if near.any() else closed
     before = np.empty(0)
     if linear is not None and len(linear.flexible.A) <= MOST_STATES:
         before = np.linalg.eigvals(np.asarray(linear.flexible.A))
