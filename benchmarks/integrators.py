@@ -216,8 +216,8 @@ def plot(points: list[Point], motions: Iterable[Motion], path: Path) -> None:
     from matplotlib.figure import Figure
 
     colours = {
-        "tensctl": "#0b64a8", "tensctl, recorded": "#7db4e0", "MuJoCo": "#d9801a", "SciPy, NumPy": "#9aa5b1", "SciPy, compiled": "#5c6b7a",
-        "CVODES": "#7a4fa3",
+        "tensctl": "#0b64a8", "tensctl, recorded": "#7db4e0", "MuJoCo": "#d9801a", "SciPy, NumPy": "#9aa5b1",
+        "SciPy, compiled": "#5c6b7a", "CVODES": "#7a4fa3",
     }  # fmt: skip
     motions = list(motions)
     figure = Figure(figsize=(11, 3.6 * -(-len(motions) // 3)), layout="constrained")
