@@ -139,7 +139,7 @@ def rates_at(rows, drive, t, now, work):
 def leap(rows, drive, t, h, kicks, drifts, now, work):
     """Take one step of length h from time t; `now.push` is that of the start, and of the end afterwards."""
     kick(now.v, now.push, kicks[0] * h)
-    at, far = t, swift(rows, now.v, h)
+    at, far = t, swift(rows, now.v, drifts, h)
     for stage in range(drifts.size):
         fly(rows, now.q, now.v, drifts[stage] * h, far)
         at += drifts[stage] * h
