@@ -23,6 +23,7 @@ if hasattr(os, "sched_setaffinity"):
 import casadi as ca
 import numpy as np
 import page
+from left_out_time import time_rows
 from step_cost import right_hand_side
 
 import tensctl as tc
@@ -265,9 +266,11 @@ def main() -> None:
     made = page.table(head, rows)
     head = ["what is left out", "instructions: without / with", "us: without / with", "saved", "largest difference"]
     structural = page.table(head, structural_rows())
-    print(f"{made}\n\n{structural}")
+    head = ["what is left out", "forces", "us: without / with", "saved", "largest difference"]
+    changing = page.table(head, time_rows())
+    print(f"{made}\n\n{structural}\n\n{changing}")
     if asked.docs:
-        page.write("left_out.md", {"left out": made, "structure": structural})
+        page.write("left_out.md", {"left out": made, "structure": structural, "time": changing})
 
 
 if __name__ == "__main__":
