@@ -12,7 +12,15 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from tensctl.accuracy import work_precision
-    from tensctl.analysis import ModalReport, Move, controllability, move, observability
+    from tensctl.analysis import (
+        HarmonicReport,
+        ModalReport,
+        Move,
+        controllability,
+        harmonic_controllability,
+        move,
+        observability,
+    )
     from tensctl.errors import (
         EquilibriumError,
         LinearizationError,
@@ -77,7 +85,15 @@ if TYPE_CHECKING:
 
 _HOME = {
     "tensctl.accuracy": ("work_precision",),
-    "tensctl.analysis": ("ModalReport", "Move", "controllability", "move", "observability"),
+    "tensctl.analysis": (
+        "HarmonicReport",
+        "ModalReport",
+        "Move",
+        "controllability",
+        "harmonic_controllability",
+        "move",
+        "observability",
+    ),
     "tensctl.errors": (
         "EquilibriumError",
         "LinearizationError",
@@ -152,6 +168,7 @@ __all__ = [
     "EquilibriumError",
     "HarmonicLQR",
     "HarmonicModel",
+    "HarmonicReport",
     "History",
     "LinearModel",
     "LinearizationError",
@@ -188,6 +205,7 @@ __all__ = [
     "controllability",
     "find_equilibria",
     "find_equilibrium",
+    "harmonic_controllability",
     "harmonic_lqr",
     "harmonics",
     "inspect_run",

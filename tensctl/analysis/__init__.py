@@ -2,6 +2,7 @@
 
 from tensctl.analysis.energies import ReachEnergies
 from tensctl.analysis.gramian import Gramian, controllability_gramian, observability_gramian
+from tensctl.analysis.harmonic import HarmonicReport, HarmonicVerdict, harmonic_controllability
 from tensctl.analysis.influence import static_influence, tension_influence
 from tensctl.analysis.krylov import KrylovRank
 from tensctl.analysis.losses import Loss, Redundancy, redundancy
@@ -14,6 +15,8 @@ from tensctl.analysis.verdict import ModalReport, ModeVerdict
 
 __all__ = [
     "Gramian",
+    "HarmonicReport",
+    "HarmonicVerdict",
     "KrylovRank",
     "Loss",
     "ModalReport",
@@ -26,6 +29,7 @@ __all__ = [
     "Study",
     "controllability",
     "controllability_gramian",
+    "harmonic_controllability",
     "move",
     "observability",
     "observability_gramian",

@@ -110,14 +110,19 @@ def near_modes(linear: LinearModel, blur: float = 1.0) -> list[tuple[np.ndarray,
     rounding = blur * linear.equilibrium.spectrum.tolerance
     omega2 = np.array([mode.omega2 for mode in linear.modes])
     rigid = np.array([mode.kind == "rigid-body" for mode in linear.modes], bool)
+    flexible = np.flatnonzero(~rigid)
+    near = [(flexible[group], places) for group, places in chains(omega2[flexible], rounding)]
+    return [(np.array([k]), np.zeros(1)) for k in np.flatnonzero(rigid)] + near
+
+
+def chains(omega2: Float[np.ndarray, " m"], rounding: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Indices of squared frequencies in chains of near ones, with their places over the resolution."""
     order = np.argsort(omega2, kind="stable")
-    order = order[~rigid[order]]
     sizes = np.maximum(np.abs(omega2[order]), rounding)
     steps = np.maximum(np.diff(omega2[order]) - rounding, 0.0) / (2 * RESOLUTION * sizes[1:])
     places = np.concatenate([[0.0], np.cumsum(steps)])[: order.size]
     cuts = np.flatnonzero(steps > APART) + 1
-    chains = zip(np.split(order, cuts), np.split(places, cuts), strict=True) if order.size else ()
-    return [(np.array([k]), np.zeros(1)) for k in np.flatnonzero(rigid)] + list(chains)
+    return list(zip(np.split(order, cuts), np.split(places, cuts), strict=True)) if order.size else []
 
 
 def _judge(linear, coupling, labels, found, answers: Sequence[Verdict], why_not: Why) -> Sequence[ModeVerdict]:

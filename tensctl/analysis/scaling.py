@@ -7,9 +7,10 @@ size:    c_t = | |J|'|g_t| / sqrt(m) |, the largest that the drive of tendon t o
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+import scipy.sparse as sp
+from jaxtyping import Float, Int
 
-from tensctl.linear import LinearModel
+from tensctl.linear import HarmonicModel, LinearModel
 
 
 def tension_slopes(linear: LinearModel) -> Float[np.ndarray, " nu"]:
@@ -24,10 +25,20 @@ def energy_inputs(linear: LinearModel) -> Float[np.ndarray, "nx nu"]:
     return linear.B / np.sqrt(tension_slopes(linear))
 
 
-def input_sizes(linear: LinearModel) -> Float[np.ndarray, " nu"]:
-    """Bound on each column of B, for verdicts that no unit, stiffness or mass can move; 1 for slack tendons."""
+def input_sizes(
+    linear: LinearModel | HarmonicModel, among: Int[np.ndarray, " chosen"] | None = None
+) -> Float[np.ndarray, " chosen"]:
+    """Bound on each column of B, for verdicts that no unit, stiffness or mass can move; 1 for slack tendons.
+
+    Parameters
+    ----------
+    among : (chosen,) int, optional
+        Inputs to look at; all by default.
+    """
     point, members = linear.equilibrium.point, linear.dynamics.members
-    mass = point.potential.manifold.mass(members.mass)
-    force = abs(point.tangent).T @ abs(point.terms.input_map[:, members.inputs] @ members.gearing.matrix)
-    sizes = np.linalg.norm(force.toarray() / np.sqrt(mass)[:, None], axis=0)
+    root = np.sqrt(point.potential.manifold.mass(members.mass))
+    gears = sp.csc_array(members.gearing.matrix)
+    gears = gears if among is None else gears[:, among]
+    force = abs(point.tangent).T @ abs(point.terms.input_map[:, members.inputs] @ gears)
+    sizes = np.sqrt((sp.csc_array(sp.diags_array(1 / root) @ force) ** 2).sum(axis=0))
     return np.where(sizes > 0, sizes, 1.0)
