@@ -34,6 +34,12 @@ class Frame:
     velocity: Float[np.ndarray, " 3"]
     spin: Float[np.ndarray, " 3"]
 
+    @property
+    def angle(self) -> float:
+        """How far the structure is turned from the reference, rad, 0 to pi."""
+        sine = np.linalg.norm(self.rotation - self.rotation.T) / np.sqrt(8)
+        return float(np.arctan2(sine, 0.5 * (np.trace(self.rotation) - 1)))
+
     def nodes(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "nodes 3"]:
         """Nodes as seen from the frame, beside the reference, m."""
         return (nodes - self.centre) @ self.rotation + self.reference_centre

@@ -35,6 +35,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         accuracy=results.accuracy,
         limits=_limits(results),
         shape_error=results.shape_error,
+        carried=results.carried,
         height=_height(results),
         mpc_check=_mpc_check(results),
         pushes=_pushes(results),

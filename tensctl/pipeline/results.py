@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from tensctl.accuracy import WorkPrecision
     from tensctl.analysis import ModalReport, Study
-    from tensctl.linear import LinearModel
+    from tensctl.linear import Frame, LinearModel
     from tensctl.model import Dynamics
     from tensctl.pipeline.certificate import Certificate
     from tensctl.scene import Scene
@@ -84,13 +85,30 @@ class Results:
             return None
         return distance_in_frame(self.wanted, self.run)
 
+    @cached_property
+    def carried(self) -> tuple[float, float] | None:
+        """How far a free controlled structure has moved, m, and turned, rad, by the end; None for any other."""
+        frames = None if self.run is None or self.shape_error is None else frames_of(self.wanted, self.run)
+        if frames is None:
+            return None
+        last = frames[-1]
+        return float(np.linalg.norm(last.centre - last.reference_centre)), last.angle
+
 
 def distance_in_frame(wanted: Equilibrium, run: Run) -> np.ndarray:
     """Largest distance of a node to the wanted shape, m; a free structure is measured in its co-moving frame."""
-    if run.structure.held.any():
+    frames = frames_of(wanted, run)
+    if frames is None:
         return run.distance_to(wanted.nodes)
+    seen = np.stack([frame.nodes(nodes) for frame, nodes in zip(frames, run.nodes, strict=True)])
+    return np.linalg.norm(seen - wanted.nodes, axis=2).max(axis=1)
+
+
+def frames_of(wanted: Equilibrium, run: Run) -> list[Frame] | None:
+    """The co-moving frame of a free structure at each recorded time; None when the ground holds anything of it."""
+    if run.structure.held.any():
+        return None
     from tensctl.linear import best_fit
 
     moments = zip(run.nodes, run.velocities, strict=True)
-    seen = [best_fit(wanted.potential, wanted.nodes, nodes, rates).nodes(nodes) for nodes, rates in moments]
-    return np.linalg.norm(np.stack(seen) - wanted.nodes, axis=2).max(axis=1)
+    return [best_fit(wanted.potential, wanted.nodes, nodes, rates) for nodes, rates in moments]

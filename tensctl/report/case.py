@@ -121,6 +121,8 @@ class Case:
         Drawn into the plots of the run.
     shape_error : (times,) array, optional
         Largest distance of a node from where it is wanted, at each recorded time of the run, m.
+    carried : (float, float), optional
+        How far a free controlled structure has moved, m, and turned, rad, as a whole by the end of the run.
     height : Height, optional
     mpc_check : MpcCheck, optional
     study : Study, optional
@@ -149,6 +151,7 @@ class Case:
     accuracy: WorkPrecision | None = None
     limits: Limits | None = None
     shape_error: np.ndarray | None = None
+    carried: tuple[float, float] | None = None
     height: Height | None = None
     mpc_check: MpcCheck | None = None
     study: Study | None = None

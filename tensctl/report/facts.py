@@ -112,6 +112,10 @@ def _ran(case: Case) -> list[Tile]:
     if case.shape_error is not None and len(case.shape_error):
         note = f"from {number(1e3 * float(case.shape_error[0]), 3)} mm at the start"
         facts.append(Tile("Final shape error", f"{number(1e3 * float(case.shape_error[-1]), 3)} mm", note))
+    if case.carried is not None:
+        moved, turned = case.carried
+        value = f"{number(moved, 3)} m, {number(float(np.degrees(turned)), 3)}°"
+        facts.append(Tile("Moved, turned as a whole", value, "no tendon can take that back"))
     if case.sanity is not None:
         found = len(case.sanity.warnings)
         note = "see Sanity" if found else "no contact, no collapse found"
