@@ -80,3 +80,11 @@ def test_large_structures_are_refused(judge):
     dynamics = tc.build_dynamics(shell_scene(12, 6))
     with pytest.raises(tc.SimulationError, match=f"{judge} is for up to 400 tendons, not 696"):
         tc.simulate(dynamics, dynamics.structure.nodes, t_end=0.1, method=judge)
+
+
+def test_a_solver_that_gives_up_is_quoted_without_its_sources():
+    from tensctl.simulation.integrators.judge import _cause
+
+    said = '.../sundials/idas_interface.cpp:620: IDACalcIC returned "IDA_LINESEARCH_FAIL". Consult IDAS documentation.'
+    assert _cause("first line\n" + said) == "IDACalcIC returned IDA_LINESEARCH_FAIL"
+    assert _cause("first line\nlast line") == "last line"

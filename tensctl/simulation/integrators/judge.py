@@ -8,6 +8,7 @@ and slack-taut switches are left to their step-size control.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,9 +109,15 @@ class Judge:
         try:
             answer = solver(**arguments)
         except RuntimeError as error:
-            raise SimulationError(f"{self.name} gave up: {str(error).splitlines()[-1]}; use a larger tol.") from None
+            raise SimulationError(f"{self.name} gave up: {_cause(str(error))}; use a larger tol.") from None
         self.evaluations += int(solver.stats().get("nfevals", 0))
         return answer
+
+
+def _cause(message: str) -> str:
+    """The solver's own word for what went wrong, without where in CasADi's sources it was said."""
+    named = re.search(r'(\w+) returned "(\w+)"', message)
+    return f"{named[1]} returned {named[2]}" if named else message.splitlines()[-1]
 
 
 def inputs_at(drive: Drive, t: ca.MX) -> tuple[ca.MX, ca.MX]:
