@@ -166,11 +166,17 @@ def harmonics(dynamics: Dynamics, equilibrium: Equilibrium, *, tol: float = 1e-9
     Raises
     ------
     LinearizationError
-        When the sectors differ, and where `linearize` would refuse.
+        When the sectors differ, for drag on a free structure, whose rigid-body rates would belong to the model, and
+        where `linearize` would refuse.
     """
     checked_point(dynamics, equilibrium)
     if not dynamics.members.gearing.plain:
         raise LinearizationError("motors that pull several tendons are not taken by harmonics; use linearize.")
+    if dynamics.drag > 0 and not dynamics.structure.held.any():
+        raise LinearizationError(
+            "drag on a free structure couples its shape to its rigid-body rates, which harmonics leave out; "
+            "use linearize."
+        )
     symmetry = linear_symmetry(dynamics, equilibrium, tol)
     sector = Sector.of(equilibrium.potential, symmetry, equilibrium.rest_lengths)
     point = sector.at(sector.restrict(equilibrium.nodes))
