@@ -104,6 +104,7 @@ class Moving:
             solve_time=np.array([r.solve_time for r in records]), kkt=np.array([r.kkt for r in records]),
             relaxed=np.array([r.relaxed for r in records]), method=integrator.name, why=self._choice.why,
             evaluations=integrator.evaluations, switches=integrator.switches,
+            local_errors=integrator.local_errors,
         )  # fmt: skip
 
     def _drive(self, t0: float, t1: float) -> Drive:

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tensctl.errors import SimulationError
 from tensctl.scene import Scene
 from tensctl.simulation.journal import mend
@@ -55,5 +57,6 @@ def _run(data: xarray.Dataset) -> Run:
         why=data.attrs["why"],
         evaluations=int(data.attrs["evaluations"]),
         switches=int(data.attrs["switches"]),
+        local_errors=float(data.attrs.get("local_errors", np.nan)),
         **arrays,
     )

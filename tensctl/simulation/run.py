@@ -42,6 +42,9 @@ class Run:
         Right-hand sides computed.
     switches : int
         How often a tendon went slack or taut (counted by the splitting integrator).
+    local_errors : float, m
+        Sum of the errors that an adaptive integrator estimated of its steps: about how far places may be off at most,
+        while motions that start near each other stay near; nan where steps are not judged.
     """
 
     structure: Structure
@@ -62,6 +65,7 @@ class Run:
     evaluations: int
     switches: int
     why: str = ""
+    local_errors: float = np.nan
 
     @property
     def rod_drift(self) -> float:
@@ -118,6 +122,7 @@ class Run:
             "why": self.why,
             "evaluations": self.evaluations,
             "switches": self.switches,
+            "local_errors": self.local_errors,
         }
         return xr.Dataset(variables, coordinates, attributes)
 

@@ -47,6 +47,8 @@ class Sanity:
         None where no rod has EI.
     slack : (t,)
         Part of the tendons that carry nothing, 0 to 1; those between two pinned nodes do not count.
+    local_errors : float, m
+        Those of the run, see `Run`.
     """
 
     structure: Structure
@@ -57,6 +59,7 @@ class Sanity:
     forces: RodForces
     buckling: Buckling | None
     slack: Float[np.ndarray, " t"]
+    local_errors: float
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -116,6 +119,7 @@ def inspect_run(dynamics: Dynamics, run: Run, *, pushes: Sequence[Load] = ()) ->
         forces=forces,
         buckling=buckling(run.time, forces.largest, members.EI, length) if np.isfinite(members.EI).any() else None,
         slack=_slack(structure, run),
+        local_errors=run.local_errors,
     )
 
 

@@ -94,7 +94,7 @@ class Store:
             for name, variable in part.to_dataset().variables.items():
                 if variable.dims and variable.dims[0] in _GROWING:
                     _grow(_dataset(file, str(name)), variable.values)
-            for name in ("evaluations", "switches"):
+            for name in ("evaluations", "switches", "local_errors"):
                 file.attrs.modify(name, getattr(part, name))
             _write(_group(file, f"{_GROUP}/state"), state)
 

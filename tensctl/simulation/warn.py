@@ -1,4 +1,4 @@
-"""What is said of a run that no real structure could follow, in sentences with time and place."""
+"""What is said of a run that no real structure could follow, or that is not resolved, in sentences."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ _TOLD = 4
 MET = 1e-12
 # More slack tendons than this part leave a net that holds little; below it slack tendons are nothing unusual.
 _MOST_SLACK = 0.5
+# Errors of steps that add up to more than this part of the longest rod are told; a plot shows ten times as much.
+_VISIBLE = 1e-4
 
 
 def warnings_of(sanity: Sanity) -> tuple[str, ...]:
-    """All sentences: rods among each other, rods and tendons, buckling, slack tendons."""
+    """All sentences: rods among each other, rods and tendons, buckling, slack tendons, accuracy."""
     rods, tendons = sanity.structure.rod_labels, sanity.structure.segment_labels
     rounding = MET * float(sanity.structure.rod_lengths.max(initial=0.0))
     found = _of_pairs(sanity.rods, rods, rods, "rods {} and {}", rounding)
     found += _of_pairs(sanity.tendons, rods, tendons, "rod {} and tendon {}", rounding)
-    return (*found, *_of_buckling(sanity), *_of_slack(sanity))
+    return (*found, *_of_buckling(sanity), *_of_slack(sanity), *_of_errors(sanity))
 
 
 def _of_pairs(close: Clearance | None, first, second, name: str, rounding: float) -> list[str]:
@@ -86,6 +88,15 @@ def _of_slack(sanity: Sanity) -> list[str]:
     return [
         f"more than {_MOST_SLACK:.0%} of the tendons are slack from {sanity.time[many[0]]:.4g} s on, "
         f"{most:.0%} at {when:.4g} s."
+    ]
+
+
+def _of_errors(sanity: Sanity) -> list[str]:
+    if not sanity.local_errors > _VISIBLE * sanity.structure.rod_lengths.max(initial=0.0):
+        return []
+    return [
+        f"errors of single steps add up to {sanity.local_errors:.1e} m, and places at {sanity.time[-1]:.4g} s may be off "
+        "by as much; use a smaller tol, and see whether they stay."
     ]
 
 

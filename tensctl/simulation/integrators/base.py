@@ -20,10 +20,13 @@ class Integrator(Protocol):
     name : str
     evaluations, switches : int
         Right-hand sides computed, and slack-taut switches seen to, so far.
+    local_errors : float, m
+        Sum of the errors that were estimated of its steps so far; nan for one that does not judge its steps.
     """
 
     evaluations: int
     switches: int
+    local_errors: float
 
     @property
     def name(self) -> str:

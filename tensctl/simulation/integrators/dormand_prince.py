@@ -40,7 +40,7 @@ _STRICT = 0.01
 
 @jit
 def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale, out_q, out_v):
-    """Move q and v through times; returns the time reached, the next step, right-hand sides, refused steps.
+    """Move q and v through times; returns the time reached, the next step, right-hand sides, sum of errors.
 
     Parameters
     ----------
@@ -54,12 +54,12 @@ def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale
     flat = load.reshape(load.size)
     tied, values, mu = data.first.size > 0, np.zeros(data.place[-1]), np.zeros(data.first.size)
     locked = False
-    t, t_end, h, sides, refused, k = times[0], times[-1], first, 0, 0, 1
+    t, t_end, h, sides, total, k = times[0], times[-1], first, 0, 0.0, 1
     suggestion = first
     while t < t_end:
         h = min(h, t_end - t)
         if locked or not h > 1e-14 * max(abs(times[0]), abs(t_end)):
-            return t, h, sides, refused
+            return t, h, sides, total
         last = t + h >= t_end
         for s in range(7):
             q1[:], v1[:] = q, v
@@ -93,17 +93,17 @@ def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale
                 out_q[k], out_v[k] = q2, v2
                 k += 1
             q[:], v[:] = q1, v1
+            total += worst * q_scale
             t = reached
             if not last:
                 suggestion = h * factor
         else:
-            refused += 1
             factor = min(factor, 0.9) if worst == worst else 0.2
         h *= factor
         if worst <= 1.0 and last:
             suggestion = max(suggestion, h)
     out_q[-1], out_v[-1] = q, v
-    return t, suggestion, sides, refused
+    return t, suggestion, sides, total
 
 
 @dataclass(eq=False)
@@ -126,6 +126,7 @@ class DormandPrince:
     evaluations: int = 0
     switches: int = 0
     step: float = 0.0
+    local_errors: float = 0.0
 
     def march(self, q, v, times, drive: Drive, out_q, out_v) -> None:
         """Move q and v in place through the times, and record them at each but the first.
@@ -138,10 +139,11 @@ class DormandPrince:
         size = float(self.dynamics.potential.manifold.lengths.max())
         first = self.step if self.step > 0 else 0.01 / self.rate
         scale = _STRICT * self.tol * size
-        t, self.step, sides, _ = march(
+        t, self.step, sides, total = march(
             self.dynamics.kernel, q, v, times, first, drive, A, ERROR, NODES, scale, scale * self.rate, out_q, out_v
         )
         self.evaluations += sides
+        self.local_errors += total
         if t < times[-1]:
             raise SimulationError(
                 f"the step size fell to nothing at {t:g} s; loosen tol, lower the damping, or use method = rosenbrock."

@@ -14,8 +14,12 @@ from tensctl.model.kernel import tug
 
 
 @part
-def sides(data, place, speed, rest, side):
-    """How far each tendon is on its pulling side, m: l - L, and for a clamped damper not more than T/k."""
+def sides(data, place, speed, rest, decay, span, side):
+    """How far each tendon is on its pulling side, m: l - L, and for a clamped damper not more than T/k.
+
+    Inside a step of length `span`, speeds are known too roughly for a damper that decays faster: its tendon is then on
+    neither side while it is longer than at rest.
+    """
     one, two = np.uint64(1), np.uint64(2)
     for t in range(rest.size):
         a, b = data.tail_at[t], data.head_at[t]
@@ -23,6 +27,9 @@ def sides(data, place, speed, rest, side):
         length = np.sqrt(x * x + y * y + z * z)
         gap, c = length - rest[t], data.damping[t]
         if data.clamped and c > 0.0 and length > 0.0:
+            if span * decay[t] >= 1.0:
+                side[t] = min(gap, 0.0)
+                continue
             u, v, w = speed[b] - speed[a], speed[b + one] - speed[a + one], speed[b + two] - speed[a + two]
             k = data.stiffness[t] / rest[t] if data.by_strain else data.stiffness[t]
             tension = k * gap + c * (x * u + y * v + z * w) / length

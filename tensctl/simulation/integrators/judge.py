@@ -43,6 +43,7 @@ class Judge:
     tol: float
     evaluations: int = 0
     switches: int = 0
+    local_errors: float = np.nan
 
     def __post_init__(self) -> None:
         """Refuse what is too large.

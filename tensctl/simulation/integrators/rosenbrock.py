@@ -25,9 +25,10 @@ from tensctl.simulation.integrators.rodas import RODAS5P
 from tensctl.simulation.integrators.rosenbrock_step import linearise, stages, within
 from tensctl.simulation.integrators.stiff_layout import Plan, Room, plan_steps, room_for
 
-# Switches are not told apart that come sooner than this after a step's start, over the time of the run: some hundred
-# times its rounding. A step that errors push below a tenth of it ends the run.
-_SOONEST = 1e-13
+# Switches are not told apart that come sooner than this after a step's start, over the time that it is: some hundred
+# times its rounding. A step that errors push below a tenth of it ends the run. Near zero, time has digits to spare: what
+# counts there is at least this part of the run, so that a violent start is followed however short it is.
+_SOONEST, _AT_LEAST = 1e-13, 1e-6
 # Parts of the band past a switch: where a shortened step aims, how far off it may end, and how far past a tendon
 # has to be to change over. The margin keeps tendons that carry next to nothing from chattering.
 _AIM, _NEAR, _MARGIN = 0.5, 0.25, 0.125
@@ -48,17 +49,17 @@ _FIRST = 0.01
 
 
 @part
-def trespass(data, drive, t, y, room):
-    """How far the worst tendon is on the wrong side at chart coordinates y, m."""
+def trespass(data, plan, drive, t, y, span, room):
+    """How far the worst tendon is on the wrong side at chart coordinates y within a step of length span, m."""
     place_ends(data, room.frame, y, room.place, room.speed)
     if drive.ramped or drive.swept:
         drive_at(drive, t, room.rest, room.load)
-    sides(data, room.place, room.speed, room.rest, room.side)
+    sides(data, room.place, room.speed, room.rest, plan.decay, span, room.side)
     return worst_side(room.side, room.on)
 
 
 @jit
-def first_switch(data, drive, t, h, H, band, room):
+def first_switch(data, plan, drive, t, h, H, band, span, room):
     """Part of the step at which a tendon is between zero and `band` on the wrong side; 1 when none is beyond it."""
     aim, y = _AIM * band, room.right
     low, f_low, high, f_high, side = 0.0, -band, 2.0, band, 0
@@ -69,7 +70,7 @@ def first_switch(data, drive, t, h, H, band, room):
         else:
             x = low + (high - low) * f_low / (f_low - f_high) if f_low < 0.0 else 0.5 * (low + high)
         within(H, x, room.y, room.end, room.U, y)
-        f = trespass(data, drive, t + x * h, y, room) - aim
+        f = trespass(data, plan, drive, t + x * h, y, span, room) - aim
         if looking:
             if f > band - aim:
                 high, f_high = x, f
@@ -101,8 +102,10 @@ def attempt(data, plan, drive, t, h, table, q_scale, v_scale, band, room):
         error = max(error, abs(u[k]) / q_scale, abs(u[half + k]) / v_scale)
         if not (abs(room.end[k]) < np.inf and abs(room.end[half + k]) < np.inf):
             return np.inf, 1.0
-    if error <= 1.0 and (trespass(data, drive, t + h, room.end, room) > band or crossed):
-        return error, first_switch(data, drive, t, h, table.H, band, room)
+    if error <= 1.0:
+        late = trespass(data, plan, drive, t + h, room.end, 0.0, room) > band
+        if late or crossed:
+            return error, first_switch(data, plan, drive, t, h, table.H, band, 0.0 if late else h, room)
     return error, 1.0
 
 
@@ -116,7 +119,7 @@ def record(data, frame, y, place, speed, q, v):
 
 @jit
 def march(data, plan, drive, table, room, q, v, times, first, q_scale, v_scale, band, out_q, out_v):
-    """Move q and v through times; returns the time reached, the next step, steps tried and tendons changed over.
+    """Move q and v through times; returns the time reached, the next step, steps tried, tendons changed over, sum of errors.
 
     Parameters
     ----------
@@ -127,10 +130,11 @@ def march(data, plan, drive, table, room, q, v, times, first, q_scale, v_scale, 
     band : float, m
         How far past its switch a tendon may be when a step ends there.
     """
-    t, t_end, h, row, tries, changes = times[0], times[-1], first, 1, 0, 0
+    t, t_end, h, row, tries, changes, total = times[0], times[-1], first, 1, 0, 0, 0.0
     before, refused, cut, moved, anew = 1.0, False, False, True, True
-    usual, soonest = first, _SOONEST * max(abs(times[0]), abs(t_end))
+    usual, least = first, _AT_LEAST * (t_end - t)
     while t < t_end:
+        soonest = _SOONEST * max(abs(t), least)
         if moved:
             changed = linearise(data, plan, drive, t, q, v, 0.0 if anew else _MARGIN * band, room)
             changes += 0 if anew else changed
@@ -161,6 +165,7 @@ def march(data, plan, drive, table, room, q, v, times, first, q_scale, v_scale, 
             record(data, room.frame, room.right, room.place, room.speed, out_q[row], out_v[row])
             row += 1
         record(data, room.frame, room.end, room.place, room.speed, q, v)
+        total += error * q_scale
         t, moved, error = reached, True, max(error, _LEAST)
         if cut:
             h = usual
@@ -172,7 +177,7 @@ def march(data, plan, drive, table, room, q, v, times, first, q_scale, v_scale, 
     for r in range(q.shape[0]):
         for i in range(6):
             out_q[-1, r, i], out_v[-1, r, i] = q[r, i], v[r, i]
-    return t, max(usual, h), tries, changes
+    return t, max(usual, h), tries, changes, total
 
 
 @dataclass(eq=False)
@@ -195,6 +200,7 @@ class Rosenbrock:
     evaluations: int = 0
     switches: int = 0
     step: float = 0.0
+    local_errors: float = 0.0
 
     @cached_property
     def _pace(self) -> float:
@@ -222,11 +228,12 @@ class Rosenbrock:
         room.rest[:], room.load[:] = drive.rest, drive.force.ravel()
         size = float(self.dynamics.potential.manifold.lengths.max())
         scale = _STRICT * self.tol * size
-        t, self.step, tries, changes = march(
+        t, self.step, tries, changes, total = march(
             self.dynamics.kernel, plan, drive, RODAS5P, room, q, v, times, self.step or _FIRST / self.rate, scale,
             scale * self._pace, max(_BAND * scale, _ROUNDING * size), out_q, out_v,
         )  # fmt: skip
         self.evaluations += RODAS5P.d.size * tries
         self.switches += changes
+        self.local_errors += total
         if t < times[-1]:
             raise SimulationError(f"the step size fell to nothing at {t:g} s; loosen tol, or lower the stiffness.")

@@ -35,7 +35,7 @@ def linearise(data, plan, drive, t, q, v, margin, room):
     place_ends(data, frame, y, place, speed)
     if drive.ramped or drive.swept:
         drive_at(drive, t, rest, room.load)
-    sides(data, place, speed, rest, room.side)
+    sides(data, place, speed, rest, plan.decay, 0.0, room.side)
     changed = freeze(room.side, margin, on)
     tendon_slopes(data, plan, frame, y, place, speed, rest, on, room.pull, room.turn, room.press)
     if drive.ramped or drive.swept:

@@ -62,6 +62,7 @@ class Splitting:
     stop: bool = False
     evaluations: int = 0
     switches: int = 0
+    local_errors: float = np.nan
     _kept: tuple[Drive, tuple[Moment, Moment, Moment, Scratch]] | None = field(default=None, init=False, repr=False)
 
     @classmethod

@@ -21,6 +21,7 @@ class Plan(NamedTuple):
     centre, lever : (nt, 2) how it moves with the rod's q1 and q2, the tail's sign turned: d = p_head - p_tail
     slots : (nt, 2, 2) block of the rods at two ends; -1 where one is the ground
     mass, drag : (5 nr,)
+    decay : (nt,) rate at which a tendon's damper stops its ends when they are free, 1/s, or a bound on it
     elimination : order and blocks of the factorisation
     """
 
@@ -30,6 +31,7 @@ class Plan(NamedTuple):
     slots: np.ndarray
     mass: np.ndarray
     drag: np.ndarray
+    decay: np.ndarray
     elimination: Elimination
 
 
@@ -52,8 +54,14 @@ def plan_steps(data) -> Plan:
     slots = elimination.place[order[np.searchsorted(every, keys, sorter=order)]]
     return Plan(
         rod=ends, centre=np.where(free, 0.5, 0.0) * way, lever=np.where(free, 0.5, 1.0) * way * sign[nodes],
-        slots=np.where(real, slots, -1), mass=chart_mass(data), drag=chart_drag(data), elimination=elimination,
+        slots=np.where(real, slots, -1), mass=chart_mass(data), drag=chart_drag(data), decay=data.damping * _mobility(data, ends).sum(axis=1),
+        elimination=elimination,
     )  # fmt: skip
+
+
+def _mobility(data, rod: np.ndarray) -> np.ndarray:
+    """How fast the ends of tendons give way at most, (nt, 2) 1/kg; nothing on the ground."""
+    return np.where(rod < 0, 0.0, np.where(data.hold[rod] == _FREE, 4.0, 3.0) / data.mass[rod])
 
 
 class Room(NamedTuple):
