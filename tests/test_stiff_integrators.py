@@ -166,7 +166,7 @@ class TestMotion:
 
     @pytest.mark.parametrize("method", ["rosenbrock", "dopri5"])
     def test_errors_of_steps_bound_the_error(self, method):
-        """On a damped motion, whose neighbours do not part; dopri5 meets switches unawares, so it may be worse a little."""
+        """On a damped motion, whose neighbours do not part; dopri5 meets switches unawares."""
         dynamics = tc.build_dynamics(shell_scene(tendons={"damping": 20.0}, pins=["P1_*_1"]))
         coarse, run, fine = (
             tc.simulate(dynamics, dynamics.structure.nodes, timepts=[0, 1.0], method=method, tol=tol)
@@ -218,3 +218,17 @@ def test_auto_takes_rosenbrock_steps_where_dampers_are_stiff():
         assert run.method == method
     assert dynamics.fastest_decay / dynamics.fastest_rate == pytest.approx(20 * dynamics.fastest_rate, rel=0.05)
     assert "stiff" in run.why
+
+
+def test_auto_takes_cvodes_where_dampers_are_stiff_on_joints():
+    """CVODES and dopri5, another statement of the physics, at one place."""
+    dynamics = tc.build_dynamics(
+        tc.Scene(structure={"kind": "shell", "n": 3, "m": 2, "class": 2}, tendons={"stiffness": 1e6, "damping": 5e4})
+    )
+    auto, explicit = (
+        tc.simulate(dynamics, dynamics.structure.nodes, timepts=[0, 0.002], method=method, tol=1e-8)
+        for method in ("auto", "dopri5")
+    )
+    assert auto.method == "cvodes"
+    assert "stiff" in auto.why
+    assert np.abs(auto.nodes - explicit.nodes).max() < 1e-9

@@ -95,8 +95,8 @@ def _of_errors(sanity: Sanity) -> list[str]:
     if not sanity.local_errors > _VISIBLE * sanity.structure.rod_lengths.max(initial=0.0):
         return []
     return [
-        f"errors of single steps add up to {sanity.local_errors:.1e} m, and places at {sanity.time[-1]:.4g} s may be off "
-        "by as much; use a smaller tol, and see whether they stay."
+        f"errors of single steps add up to {sanity.local_errors:.1e} m, and places at {sanity.time[-1]:.4g} s may be "
+        "off by as much; use a smaller tol, and see whether they stay."
     ]
 
 

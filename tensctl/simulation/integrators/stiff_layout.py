@@ -54,8 +54,8 @@ def plan_steps(data) -> Plan:
     slots = elimination.place[order[np.searchsorted(every, keys, sorter=order)]]
     return Plan(
         rod=ends, centre=np.where(free, 0.5, 0.0) * way, lever=np.where(free, 0.5, 1.0) * way * sign[nodes],
-        slots=np.where(real, slots, -1), mass=chart_mass(data), drag=chart_drag(data), decay=data.damping * _mobility(data, ends).sum(axis=1),
-        elimination=elimination,
+        slots=np.where(real, slots, -1), mass=chart_mass(data), drag=chart_drag(data),
+        decay=data.damping * _mobility(data, ends).sum(axis=1), elimination=elimination,
     )  # fmt: skip
 
 
