@@ -270,6 +270,16 @@ class TestWhatCannotBeSteered:
         moved = {mode.index for mode in design.left}
         assert all(np.abs(linear.modes[k].shape[3]).max() > 0.1 for k in moved)
 
+    def test_rigid_body_rates_are_named_as_what_they_are(self):
+        """Under next to no drag the six rates of a free shell are states that nothing drives or damps."""
+        flexible = solved(shell_scene(drag={"coefficient": 1e-15}))[2].flexible
+        part = stabilisable(flexible, only=True)
+        assert part.basis.shape[1] == 2 * len(flexible.modes)
+        assert {mode.index for mode in part.left} == {mode.index for mode in flexible.drifting} == set(range(6))
+        assert all("rigid-body" in mode.reason for mode in part.left)
+        with pytest.raises(tc.SynthesisError, match=r"mode 0 at 0 Hz \(and 5 more\).*rigid-body"):
+            stabilisable(flexible, only=False)
+
 
 class TestExtremes:
     @pytest.mark.parametrize("share", [1e-16, 1e-12, 1e-8, 1e-4, 1.0, 1e4, 1e8, 1e12])

@@ -20,6 +20,16 @@ def tension_slopes(linear: LinearModel) -> Float[np.ndarray, " nu"]:
     return members.gearing.squares(slopes[members.inputs])
 
 
+def input_stiffness(linear: LinearModel | HarmonicModel) -> Float[np.ndarray, " nu"]:
+    """Stiffness dT/dl that each input works against, N/m: the natural unit of cost for changing a rest length.
+
+    k, or EA/L: `tension_slopes` over l/L, which is the same for the law of constant stiffness.
+    """
+    members = linear.dynamics.members
+    stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
+    return members.gearing.squares(stiffness[members.inputs])
+
+
 def energy_inputs(linear: LinearModel) -> Float[np.ndarray, "nx nu"]:
     """B for inputs in the square root of their elastic energy, 1/s: the unit of A."""
     return linear.B / np.sqrt(tension_slopes(linear))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensctl.analysis.scaling import input_stiffness
 from tensctl.linear import LinearModel
 from tensctl.scene import LqgStage, LqrStage, SensorsStage
 from tensctl.synthesis import LQG, LQR, Cost, SampledLQR, lqg, lqr, sensors, weights
-from tensctl.synthesis.weights import input_stiffness
 
 
 def cost_of(asked: LqrStage | LqgStage, linear: LinearModel) -> Cost:

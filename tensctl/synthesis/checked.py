@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensctl.analysis.scaling import input_stiffness
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
-from tensctl.synthesis.weights import Cost, input_stiffness
+from tensctl.synthesis.weights import Cost
 
 # A weight that is skew or negative by less than this part of itself is so by rounding.
 _SKEW = 1e-12

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from tensctl.analysis.scaling import input_stiffness
 from tensctl.linear import LinearModel, Sampled, sample_ramped
 from tensctl.synthesis.riccati import dare
 from tensctl.synthesis.shown import shown
-from tensctl.synthesis.weights import input_stiffness
 from tensctl.threads import one_blas_thread
 
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tensctl.analysis.scaling import input_stiffness
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel
-from tensctl.synthesis.weights import input_stiffness
 
 Blocks = Sequence[np.ndarray]
 

@@ -21,6 +21,8 @@ from tensctl.threads import one_blas_thread
 
 # A solution that leaves more than this of its own terms is no solution.
 _REFUSED = 1e-6
+# What the doubling may leave out: Newton's step squares it.
+_HALF = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ def care(A: Square, B: np.ndarray, Q: Square, R: np.ndarray) -> Riccati:
     weighted = np.linalg.solve(R, B.conj().T)
     G = hermitian(B @ weighted)
     gamma = cayley_shift(A, G, Q)
-    X = doubling(*cayley(A, G, Q, gamma))
+    X = doubling(*cayley(A, G, Q, gamma), enough=_HALF)
     X, left, terms = _newton(A, G, Q, X, gamma)
     return _checked(X, weighted @ X, left, terms)
 

@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from tensctl.analysis import controllability
 from tensctl.errors import SynthesisError
-from tensctl.linear import LinearModel
+from tensctl.linear import LinearModel, Mode
 
 # An eigenvector that the scaled inputs reach by less than this is not reached for certain.
 _REACHED = 1e-9
@@ -67,7 +67,8 @@ def stabilisable(linear: LinearModel, *, only: bool) -> Part:
     lost = unreached(linear.A, linear.B, _pairs(linear))
     if not lost.size:
         return Part(np.eye(len(linear.A)), ())
-    reasons = {mode.index: mode.reason for mode in controllability(linear).modes}
+    reasons = {mode.index: "a rigid-body motion, which tendons do not push at rest" for mode in linear.drifting}
+    reasons |= {mode.index: mode.reason for mode in controllability(linear).modes}
     left = _named(linear, lost, reasons)
     _allow(left, "neither damped nor driven", only)
     return Part(sla.null_space(lost.T, rcond=0.5), left)
@@ -87,7 +88,7 @@ def controlled_part(linear: LinearModel, C: Float[np.ndarray, "ny nx"], *, only:
     lost = unreached((T.T @ linear.A @ T).T, (C @ T).T, _pairs(linear) if whole else None)
     if not lost.size:
         return driven
-    reasons = {mode.index: _why_not_seen(linear, C, k) for k, mode in enumerate(linear.modes)}
+    reasons = {mode.index: _why_not_seen(linear, C, k) for k, mode in enumerate(_moving(linear))}
     left = _named(linear, T @ lost, reasons)
     _allow(left, "neither damped nor seen", only)
     return Part(T @ sla.null_space(lost.T, rcond=0.5), (*driven.left, *left))
@@ -136,7 +137,18 @@ def _undriven(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 def _pairs(linear: LinearModel) -> np.ndarray:
     """Order of the states with position and speed of each mode side by side."""
-    return np.argsort(linear.order % max(len(linear.modes), 1), kind="stable")
+    return np.argsort(_owners(linear), kind="stable")
+
+
+def _moving(linear: LinearModel) -> tuple[Mode, ...]:
+    """The modes that have states: those with positions and rates, then those with rates alone."""
+    return (*linear.modes, *linear.drifting)
+
+
+def _owners(linear: LinearModel) -> np.ndarray:
+    """Which of `_moving` each state belongs to; unsorted, positions stand first, then rates, drifting ones last."""
+    count = len(linear.modes)
+    return np.where(linear.order < count, linear.order, linear.order - count)
 
 
 def _allow(left: tuple[LeftOut, ...], how: str, only: bool) -> None:
@@ -150,18 +162,19 @@ def _allow(left: tuple[LeftOut, ...], how: str, only: bool) -> None:
 
 
 def _named(linear: LinearModel, lost: np.ndarray, reasons: dict[int, str]) -> tuple[LeftOut, ...]:
-    """The modes of lost directions: half as many as lost states, those with a reason first."""
-    share = np.zeros(len(linear.modes))
-    np.add.at(share, linear.order % len(linear.modes), (lost**2).sum(axis=1))
-    names = sorted(np.flatnonzero(share > _TAKES_PART), key=lambda k: not reasons[linear.modes[k].index])
-    kept = sorted(names[: max(1, -(-lost.shape[1] // 2))])
-    chosen = [linear.modes[k] for k in kept]
-    return tuple(LeftOut(m.index, m.frequency, reasons[m.index] or "beside others out of reach") for m in chosen)
+    """The modes of lost directions: as many as have the lost states, those with a reason first."""
+    modes = _moving(linear)
+    share = np.zeros(len(modes))
+    np.add.at(share, _owners(linear), (lost**2).sum(axis=1))
+    names = sorted(np.flatnonzero(share > _TAKES_PART), key=lambda k: not reasons.get(modes[k].index))
+    states = np.cumsum([2 if k < len(linear.modes) else 1 for k in names])
+    kept = sorted(names[: 1 + int(np.searchsorted(states, lost.shape[1]))])
+    chosen = [modes[k] for k in kept]
+    return tuple(LeftOut(m.index, m.frequency, reasons.get(m.index) or "beside others out of reach") for m in chosen)
 
 
 def _why_not_seen(linear: LinearModel, C: np.ndarray, position: int) -> str:
-    half = len(linear.modes)
-    columns = np.flatnonzero(linear.order % half == position)
+    columns = np.flatnonzero(_owners(linear) == position)
     if np.abs(C[:, columns]).max(initial=0.0) <= _REACHED * np.abs(C).max(initial=0.0):
         return "no sensor changes with this mode at first order"
     return "symmetry: the sensors tell not all directions of this repeated frequency apart"

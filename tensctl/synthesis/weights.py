@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from tensctl.analysis.scaling import input_stiffness
 from tensctl.errors import SynthesisError
-from tensctl.linear import HarmonicModel, LinearModel
+from tensctl.linear import LinearModel
 from tensctl.structure.labels import by_label
 from tensctl.synthesis.shown import shown
 
@@ -88,13 +89,6 @@ def weights(
     if nu and rest_lengths is None and np.linalg.eigvalsh(total[nx:, nx:]).min() <= 0:
         raise SynthesisError("some rest length costs nothing; give rest_lengths, the change that is allowed, in m.")
     return Cost(total[:nx, :nx], total[nx:, nx:], total[:nx, nx:])
-
-
-def input_stiffness(linear: LinearModel | HarmonicModel) -> Float[np.ndarray, " nu"]:
-    """Stiffness that each input works against, N/m: the natural unit of cost for changing a rest length."""
-    members = linear.dynamics.members
-    stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
-    return members.gearing.squares(stiffness[members.inputs])
 
 
 def _of_inputs(linear: LinearModel, energy: float | None, sizes: Size | None) -> np.ndarray:
