@@ -20,17 +20,17 @@ _SHORT = 0.09
 @part
 def kick(v, push, h):
     """Change velocities by accelerations that act for a time h."""
-    for i in range(6):
-        for r in range(v.shape[1]):
-            v[i, r] += h * push[i, r]
+    for i in range(v.size):
+        v[i] += h * push[i]
 
 
 @part
 def swift(rows, v, drifts, h):
     """Whether some rod turns too far in the longest flight of a step h for the series."""
-    inverse, fastest, longest = rows.over, 0.0, 0.0
-    for r in range(rows.rods):
-        fastest = max(fastest, inverse[r] * (v[3, r] * v[3, r] + v[4, r] * v[4, r] + v[5, r] * v[5, r]))
+    n, fastest, longest = np.uint64(rows.row), 0.0, 0.0
+    a, b, d = v[3 * n :], v[4 * n :], v[5 * n :]
+    for r in range(n):
+        fastest = max(fastest, rows.over[r] * (a[r] * a[r] + b[r] * b[r] + d[r] * d[r]))
     for part_of_step in drifts:
         longest = max(longest, abs(part_of_step))
     return (longest * h) ** 2 * fastest > _SHORT
@@ -39,64 +39,90 @@ def swift(rows, v, drifts, h):
 @part
 def fly(rows, q, v, h, far):
     """Move every rod on its own for a time h: centres straight, directions on great circles; `far` as `swift` says."""
-    inverse = rows.over
-    for r in range(inverse.size):
-        x, y, z, a, b, d = q[3, r], q[4, r], q[5, r], v[3, r], v[4, r], v[5, r]
-        spin = inverse[r] * (a * a + b * b + d * d)
-        if far:
-            angle = abs(h) * np.sqrt(spin)
-            c, s = np.cos(angle), np.sin(angle) / angle if angle > 0.0 else 1.0
-        else:
-            t = h * h * spin
-            c = 1 - t * (1 / 2) * (
-                1
-                - t
-                * (1 / 12)
-                * (
-                    1
-                    - t * (1 / 30) * (1 - t * (1 / 56) * (1 - t * (1 / 90) * (1 - t * (1 / 132) * (1 - t * (1 / 182)))))
-                )
-            )
-            s = 1 - t * (1 / 6) * (
-                1
-                - t
-                * (1 / 20)
-                * (
-                    1
-                    - t
-                    * (1 / 42)
-                    * (1 - t * (1 / 72) * (1 - t * (1 / 110) * (1 - t * (1 / 156) * (1 - t * (1 / 210)))))
-                )
-            )
-        over, fall = h * s, h * s * spin
-        q[3, r], q[4, r], q[5, r] = c * x + over * a, c * y + over * b, c * z + over * d
-        v[3, r], v[4, r], v[5, r] = c * a - fall * x, c * b - fall * y, c * d - fall * z
+    n = np.uint64(rows.row)
+    if far:
+        turn_far(n, rows.over, q[3 * n :], v[3 * n :], h)
+    else:
+        turn(n, rows.over, q[3 * n :], v[3 * n :], h)
     drift(rows, q, v, h)
+
+
+@part
+def turn(n, over, direction, rate, h):
+    """Turn rods by the series; written out, and apart from `turn_far`, so that the compiler takes four at once."""
+    two = n + n
+    for r in range(n):
+        x, y, z = direction[r], direction[n + r], direction[two + r]
+        a, b, d = rate[r], rate[n + r], rate[two + r]
+        spin = over[r] * (a * a + b * b + d * d)
+        c, s = cosine(h * h * spin), sine(h * h * spin)
+        ahead, fall = h * s, h * s * spin
+        direction[r], direction[n + r], direction[two + r] = c * x + ahead * a, c * y + ahead * b, c * z + ahead * d
+        rate[r], rate[n + r], rate[two + r] = c * a - fall * x, c * b - fall * y, c * d - fall * z
+
+
+@part
+def turn_far(n, over, direction, rate, h):
+    """Turn rods by any angle."""
+    two = n + n
+    for r in range(n):
+        x, y, z = direction[r], direction[n + r], direction[two + r]
+        a, b, d = rate[r], rate[n + r], rate[two + r]
+        spin = over[r] * (a * a + b * b + d * d)
+        angle = abs(h) * np.sqrt(spin)
+        c, s = np.cos(angle), np.sin(angle) / angle if angle > 0.0 else 1.0
+        ahead, fall = h * s, h * s * spin
+        direction[r], direction[n + r], direction[two + r] = c * x + ahead * a, c * y + ahead * b, c * z + ahead * d
+        rate[r], rate[n + r], rate[two + r] = c * a - fall * x, c * b - fall * y, c * d - fall * z
+
+
+@part
+def cosine(t):
+    """Cos sqrt(t) by its series, in pairs of terms, which take half as long as one after another."""
+    t2 = t * t
+    t4 = t2 * t2
+    low = (1.0 - (1 / 2) * t) + t2 * ((1 / 24) - (1 / 720) * t)
+    high = ((1 / 40320) - (1 / 3628800) * t) + t2 * ((1 / 479001600) - (1 / 87178291200) * t)
+    return low + t4 * high
+
+
+@part
+def sine(t):
+    """Sin sqrt(t) / sqrt(t) by its series."""
+    t2 = t * t
+    t4 = t2 * t2
+    low = (1.0 - (1 / 6) * t) + t2 * ((1 / 120) - (1 / 5040) * t)
+    high = ((1 / 362880) - (1 / 39916800) * t) + t2 * ((1 / 6227020800) - (1 / 1307674368000) * t)
+    return low + t4 * high
 
 
 @part
 def drift(rows, q, v, h):
     """Move centres: straight where the rod is free, with its direction where the ground holds an end."""
-    keep, base, sign = rows.keep, rows.base, rows.sign
-    for i in range(3):
-        if rows.held:
-            for r in range(keep.size):
-                q[i, r] = keep[r] * (q[i, r] + h * v[i, r]) + base[i, r] + sign[r] * q[i + 3, r]
-                v[i, r] = keep[r] * v[i, r] + sign[r] * v[i + 3, r]
-        else:
-            for r in range(keep.size):
-                q[i, r] += h * v[i, r]
+    half = np.uint64(3 * rows.row)
+    if rows.held:
+        direction, rate = q[half:], v[half:]
+        for i in range(half):
+            q[i] = rows.keep[i] * (q[i] + h * v[i]) + rows.base[i] + rows.sign[i] * direction[i]
+            v[i] = rows.keep[i] * v[i] + rows.sign[i] * rate[i]
+    else:
+        for i in range(half):
+            q[i] += h * v[i]
 
 
 @part
 def trim(rows, q, v):
     """Take rounding out of rod lengths and out of velocities along rods: one Newton step of 1/sqrt."""
-    inverse = rows.over
-    for r in range(inverse.size):
-        over, x, y, z, a, b, d = inverse[r], q[3, r], q[4, r], q[5, r], v[3, r], v[4, r], v[5, r]
+    n = np.uint64(rows.row)
+    two, half = n + n, n + n + n
+    direction, rate = q[half:], v[half:]
+    for r in range(n):
+        x, y, z = direction[r], direction[n + r], direction[two + r]
+        a, b, d = rate[r], rate[n + r], rate[two + r]
+        over = rows.over[r]
         scale = 1.5 - 0.5 * over * (x * x + y * y + z * z)
         along = over * (x * a + y * b + z * d)
-        v[3, r], v[4, r], v[5, r] = a - along * x, b - along * y, d - along * z
-        q[3, r], q[4, r], q[5, r] = scale * x, scale * y, scale * z
+        rate[r], rate[n + r], rate[two + r] = a - along * x, b - along * y, d - along * z
+        direction[r], direction[n + r], direction[two + r] = scale * x, scale * y, scale * z
     if rows.held:
         drift(rows, q, v, 0.0)

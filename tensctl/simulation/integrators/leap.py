@@ -16,7 +16,9 @@ from tensctl.jit import bare, part
 from tensctl.model.kernel import cable_forces, cable_rates, elastic_forces, gap_rates, springs
 from tensctl.simulation.drive import Drive, drive_at, drive_rate
 from tensctl.simulation.integrators.flight import fly, kick, swift, trim
+from tensctl.simulation.integrators.kept import Kept, opened
 from tensctl.simulation.integrators.rows import Rows, place_rows, push_rows
+from tensctl.simulation.integrators.tables import Table
 
 
 class Moment(NamedTuple):
@@ -24,8 +26,9 @@ class Moment(NamedTuple):
 
     Attributes
     ----------
-    q, v, push : (6, lanes) rods' coordinates, rates, and accelerations without the centripetal part, in rows
+    q, v, push : (6 lanes,) rods' coordinates, rates, and accelerations without the centripetal part, in rows
     gap, rate : (nt,) length less rest length, and how it grows
+    whole : (18 lanes + 2 nt,) all of them, to be copied at once
     """
 
     q: np.ndarray
@@ -33,6 +36,7 @@ class Moment(NamedTuple):
     push: np.ndarray
     gap: np.ndarray
     rate: np.ndarray
+    whole: np.ndarray
 
 
 class Scratch(NamedTuple):
@@ -42,7 +46,7 @@ class Scratch(NamedTuple):
     ----------
     on, spring : (nt,) 1 while taut, and the stiffness that goes with it
     rest, rest_rate : (nt,)
-    load, place, speed, force : (3 row,)
+    load, place, speed, force : (size,) nodal vectors in rows
     nodal, nodal_rate : (3N,)
         Loads node by node, where they change.
     least : float, m
@@ -62,19 +66,42 @@ class Scratch(NamedTuple):
     least: float
 
 
+class Scene(NamedTuple):
+    """What does not change from step to step, handed from kernel to kernel as a `Kept`: headers are not copied then.
+
+    Attributes
+    ----------
+    rows : Rows
+    drive : Drive
+    work : Scratch
+    table : Table
+    """
+
+    rows: Rows
+    drive: Drive
+    work: Scratch
+    table: Table
+
+
+def scene(rows: Rows, anchor: np.ndarray, drive: Drive, table: Table, *, frozen: bool) -> Kept:
+    """A scene with room to work in."""
+    return Kept(Scene(rows, drive, scratch(rows, anchor, drive, frozen=frozen), table))
+
+
 def moment(rows: Rows) -> Moment:
     """Room for one moment."""
-    q, v, push = (np.zeros((6, rows.lanes)) for _ in range(3))
-    q[3, rows.rods :] = 1.0
-    gap, rate = (np.zeros(len(rows.stiffness)) for _ in range(2))
-    return Moment(q, v, push, gap, rate)
+    rods, tendons = 6 * rows.row, rows.stiffness.size
+    whole = np.zeros(3 * rods + 2 * tendons)
+    q, v, push, gap, rate = np.split(whole, np.cumsum([rods, rods, rods, tendons]))
+    q.reshape(6, -1)[3, rows.rods :] = 1.0
+    return Moment(q, v, push, gap, rate, whole)
 
 
 def scratch(rows: Rows, anchor: np.ndarray, drive: Drive, *, frozen: bool) -> Scratch:
     """Room to work in, with rest lengths and loads that do not change already in place."""
     on, spring, rest_rate = (np.zeros_like(drive.rest) for _ in range(3))
     nodal, nodal_rate = (np.zeros(drive.force.size) for _ in range(2))
-    speed, force = (np.zeros(3 * rows.row) for _ in range(2))
+    speed, force = (np.zeros(rows.size) for _ in range(2))
     return Scratch(
         on, spring, drive.rest.copy(), rest_rate, rows.nodal(drive.force), nodal, nodal_rate, rows.nodal(anchor),
         speed, force, -np.inf if frozen else 0.0,
@@ -84,11 +111,8 @@ def scratch(rows: Rows, anchor: np.ndarray, drive: Drive, *, frozen: bool) -> Sc
 @bare
 def copy_moment(source, target):
     """Write one moment over another."""
-    for i in range(6):
-        for r in range(source.q.shape[1]):
-            target.q[i, r], target.v[i, r], target.push[i, r] = source.q[i, r], source.v[i, r], source.push[i, r]
-    for t in range(source.gap.size):
-        target.gap[t], target.rate[t] = source.gap[t], source.rate[t]
+    for i in range(source.whole.size):
+        target.whole[i] = source.whole[i]
 
 
 @part
@@ -98,7 +122,7 @@ def loads_at(rows, drive, t, work):
     if drive.swept:
         for a in range(rows.where.size):
             for i in range(3):
-                work.load[i * rows.row + rows.where[a]] = work.nodal[3 * a + i]
+                work.load[rows.where[a] + i * rows.row] = work.nodal[3 * a + i]
 
 
 @part
@@ -117,14 +141,16 @@ def push_at(rows, drive, t, now, work):
 
 
 @bare
-def refresh(rows, drive, t, now, work):
+def refresh(scene, t, now):
     """`push_at` on its own."""
+    rows, drive, work, _ = opened(scene)
     push_at(rows, drive, t, now, work)
 
 
 @bare
-def rates_at(rows, drive, t, now, work):
+def rates_at(scene, t, now):
     """How fast gaps grow at time t."""
+    rows, drive, work, _ = opened(scene)
     if drive.ramped:
         drive_rate(drive, t, work.rest_rate, work.nodal_rate)
     place_rows(rows, now.q, work.place)
@@ -136,8 +162,10 @@ def rates_at(rows, drive, t, now, work):
 
 
 @bare
-def leap(rows, drive, t, h, kicks, drifts, now, work):
+def leap(scene, t, h, now):
     """Take one step of length h from time t; `now.push` is that of the start, and of the end afterwards."""
+    rows, drive, work, table = opened(scene)
+    kicks, drifts = table
     kick(now.v, now.push, kicks[0] * h)
     at, far = t, swift(rows, now.v, drifts, h)
     for stage in range(drifts.size):

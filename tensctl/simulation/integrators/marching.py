@@ -7,11 +7,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tensctl.jit import bare
 from tensctl.model.kernel import springs
-from tensctl.simulation.integrators.leap import copy_moment, leap, rates_at, refresh
+from tensctl.simulation.integrators.kept import Kept, opened
+from tensctl.simulation.integrators.leap import Moment, copy_moment, leap, rates_at, refresh
+from tensctl.simulation.integrators.rows import fill, take
 from tensctl.simulation.integrators.switching import change_over, first_to_leave, settle
 
 DONE, STUCK, TOO_LONG, LOST = 0, 1, 2, 3
@@ -26,32 +30,50 @@ _LANDINGS = 1000
 _FAR = 4.0
 
 
+class Journey(NamedTuple):
+    """A scene, and room for the moments that a march goes through.
+
+    Attributes
+    ----------
+    scene : Kept of Scene
+    start, now, other : Moment
+    limits : (3,)
+        Error of a step in m per second of its length, the rounding that is always allowed, m, and the rate, rad/s,
+        that the step was made for: while rods turn or pass each other faster, it is halved as often as that takes.
+    """
+
+    scene: Kept
+    start: Moment
+    now: Moment
+    other: Moment
+    limits: np.ndarray
+
+
 @bare
-def probe(rows, drive, t, h, kicks, drifts, start, now, other, work):
+def probe(scene, t, h, start, now, other):
     """Distance in m of one step, left in `now`, and two half steps, left in `other`, from what is kept in `start`."""
     copy_moment(now, start)
     copy_moment(now, other)
-    leap(rows, drive, t, h, kicks, drifts, now, work)
-    leap(rows, drive, t, 0.5 * h, kicks, drifts, other, work)
-    leap(rows, drive, t + 0.5 * h, 0.5 * h, kicks, drifts, other, work)
+    leap(scene, t, h, now)
+    leap(scene, t, 0.5 * h, other)
+    leap(scene, t + 0.5 * h, 0.5 * h, other)
     error = 0.0
-    for i in range(6):
-        for r in range(rows.rods):
-            error = max(error, abs(now.q[i, r] - other.q[i, r]))
+    for i in range(now.q.size):
+        error = max(error, abs(now.q[i] - other.q[i]))
     return error if error == error else np.inf
 
 
 @bare
 def pace(rows, v):
     """How fast the fastest rod turns or passes the others in its own lengths, rad/s, and the fastest node, m/s."""
-    count, x, y, z = rows.rods, 0.0, 0.0, 0.0
+    n, count, x, y, z = rows.row, rows.rods, 0.0, 0.0, 0.0
     for r in range(count):
-        x, y, z = x + v[0, r], y + v[1, r], z + v[2, r]
+        x, y, z = x + v[r], y + v[n + r], z + v[2 * n + r]
     x, y, z = x / count, y / count, z / count
     worst, drifting, turning = 0.0, 0.0, 0.0
     for r in range(count):
-        passing = 0.25 * ((v[0, r] - x) ** 2 + (v[1, r] - y) ** 2 + (v[2, r] - z) ** 2)
-        swing = v[3, r] ** 2 + v[4, r] ** 2 + v[5, r] ** 2
+        passing = 0.25 * ((v[r] - x) ** 2 + (v[n + r] - y) ** 2 + (v[2 * n + r] - z) ** 2)
+        swing = v[3 * n + r] ** 2 + v[4 * n + r] ** 2 + v[5 * n + r] ** 2
         worst = max(worst, rows.over[r] * max(passing, swing))
         drifting, turning = max(drifting, passing), max(turning, swing)
     return np.sqrt(worst), np.sqrt(drifting) + 0.5 * np.sqrt(turning)
@@ -77,30 +99,20 @@ def halvings(pace, rate):
 
 
 @bare
-def write(rows, q, v, out_q, out_v, k):
-    """Keep a state as record k."""
-    for r in range(rows.rods):
-        for i in range(6):
-            out_q[k, r, i], out_v[k, r, i] = q[i, r], v[i, r]
-
-
-@bare
-def march(rows, drive, times, step, limits, order, kicks, drifts, start, now, other, work, locate, stop, out_q, out_v):
-    """Move `now` from times[0] to times[-1] and write the state at every later time.
+def march(journey, q, v, times, step, order, locate, stop, out_q, out_v):
+    """Move q and v in place from times[0] to times[-1] and write the state at every later time.
 
     Without `stop`, a time within a step is reached by a step of its own from the same start, so recording does not
     change the motion, and what is recorded is as exact, as symplectic and as well conserved as the motion itself.
 
     Parameters
     ----------
+    journey : Kept of Journey
+    q, v : (nr, 6)
     times : (m,) s
     step : float, s
         Longest step; the last before an edge is shortened with all that follow it.
-    limits : (3,)
-        Error of a step in m per second of its length, the rounding that is always allowed, m, and the rate, rad/s,
-        that the step was made for: while rods turn or pass each other faster, it is halved as often as that takes.
-    start, other : Moment
-        Room to work in.
+    order : int
     locate : bool
         Whether to land on switches.
     stop : bool
@@ -111,13 +123,17 @@ def march(rows, drive, times, step, limits, order, kicks, drifts, start, now, ot
     -------
     status, time reached, step, evaluations, switches
     """
+    scene, start, now, other, limits = opened(journey)
+    rows, drive, work, table = opened(scene)
     t, t_end, k = times[0], times[-1], 1
-    stages = drifts.size
-    refresh(rows, drive, t, now, work)
+    stages = table.drifts.size
+    fill(rows, q, now.q)
+    fill(rows, v, now.v)
+    refresh(scene, t, now)
     for j in range(work.on.size):
         work.on[j] = 1.0 if now.gap[j] > 0.0 or not locate else 0.0
     springs(rows, work.rest, work.on, work.spring)
-    refresh(rows, drive, t, now, work)
+    refresh(scene, t, now)
     evaluations, switches, since, stuck, rates_known = 2, 0, _PROBE, 0, False
     turning, speed = pace(rows, now.v)
     while t < t_end:
@@ -126,7 +142,7 @@ def march(rows, drive, times, step, limits, order, kicks, drifts, start, now, ot
         count = max(1.0, np.ceil((goal - t) / step * shrink * (1 - 1e-12)))
         h = (goal - t) / count
         if since >= _PROBE and limits[0] < np.inf:
-            error = probe(rows, drive, t, h, kicks, drifts, start, now, other, work)
+            error = probe(scene, t, h, start, now, other)
             evaluations += 3 * stages
             bound = max(limits[0] * h, limits[1])
             if error > bound:
@@ -140,7 +156,7 @@ def march(rows, drive, times, step, limits, order, kicks, drifts, start, now, ot
                 copy_moment(other, now)
         else:
             copy_moment(now, start)
-            leap(rows, drive, t, h, kicks, drifts, now, work)
+            leap(scene, t, h, now)
             evaluations += stages
         taken, tendon, before = h, -1, speed
         turning, speed = pace(rows, now.v)
@@ -149,11 +165,11 @@ def march(rows, drive, times, step, limits, order, kicks, drifts, start, now, ot
             rates_known = drive.ramped or not far(work.on, start.gap, now.gap, _FAR * h * max(before, speed))
             if rates_known:
                 if not rated:
-                    rates_at(rows, drive, t, start, work)
-                rates_at(rows, drive, t + h, now, work)
+                    rates_at(scene, t, start)
+                rates_at(scene, t + h, now)
                 left, _, _ = first_to_leave(work.on, work.rest, start.gap, start.rate, now.gap, now.rate, h)
                 if left >= 0:
-                    taken, tendon, tried = settle(rows, drive, t, h, kicks, drifts, start, now, work)
+                    taken, tendon, tried = settle(scene, t, h, start, now)
                     evaluations += stages * tried
                     turning, speed = pace(rows, now.v)
             stuck = stuck + 1 if taken < 1e-12 * step else 0
@@ -161,19 +177,24 @@ def march(rows, drive, times, step, limits, order, kicks, drifts, start, now, ot
                 return STUCK, t, step, evaluations, switches
         since += 1
         reached = goal if count == 1.0 and taken == h else t + taken
-        if np.isnan(now.q[0, 0]):
+        if np.isnan(now.q[0]):
             return LOST, t, step, evaluations, switches
         while k < times.size - 1 and times[k] < reached:
             copy_moment(start, other)
-            leap(rows, drive, t, times[k] - t, kicks, drifts, other, work)
-            write(rows, other.q, other.v, out_q, out_v, k)
+            leap(scene, t, times[k] - t, other)
+            take(rows, other.q, out_q[k])
+            take(rows, other.v, out_v[k])
             evaluations, k = evaluations + stages, k + 1
         if tendon >= 0:
-            switches += change_over(rows, drive, reached, tendon, now, work)
+            switches += change_over(scene, reached, tendon, now)
             evaluations += 1
         if stop and k < times.size - 1 and reached == goal:
-            write(rows, now.q, now.v, out_q, out_v, k)
+            take(rows, now.q, out_q[k])
+            take(rows, now.v, out_v[k])
             k += 1
         t = reached
-    write(rows, now.q, now.v, out_q, out_v, k)
+    take(rows, now.q, out_q[k])
+    take(rows, now.v, out_v[k])
+    take(rows, now.q, q)
+    take(rows, now.v, v)
     return DONE, t, step, evaluations, switches

@@ -1,10 +1,11 @@
 """The splitting's own arrangement of a structure: every component of all rods in one row, so that lanes work at once.
 
-    q = (q1x of all rods, q1y, q1z, q2x, q2y, q2z),   nodes = (x of tails, x of heads, x of the rest, y ..., z ...)
+    q = (q1, q2),   nodes = (tails, heads, the rest),   each of them x of all in a row, then y, then z
 
-Then nodes are (q1 -+ q2)/2 row by row, without an index, and the compiler turns flights, kicks and pushes into vector
-instructions: 5 instead of 17 ns a rod. Rows are filled up to whole lanes with rods of zero force that stay where they
-are. A rod held at one end has q1 = base + sign q2, with base = 2 p_held; a free one keeps q1, with sign = 0.
+Then nodes are (q1 -+ q2)/2 in one stroke, without an index, and the compiler turns flights, kicks and pushes into
+vector instructions. Everything lies flat: what is done to every component alike is one loop. Rows are filled up to
+whole lanes with rods of zero force that stay where they are. A rod held at one end has q1 = base + sign q2, with
+base = 2 p_held; a free one keeps q1, with sign = 0.
 """
 
 from __future__ import annotations
@@ -29,21 +30,25 @@ class Rows(NamedTuple):
     stiffness : (nt,) N/m, or N for law EA
     by_strain, cables : bool
     tail_at, head_at : (segments,) uint64
-        Places of a segment's ends in the first row of nodes.
+        Places of x of a segment's ends among nodes.
     row : int
-        Nodes in a row.
+        Places from x to y, and from y to z; as many as there are lanes.
     pieces : (nt,) int
     rods : int
         How many rods are real.
     over : (lanes,) 1/L^2, 1/m^2
-    tail, head, centre : (lanes,) 1/kg
-        q2'' by the forces on each end, and q1'' by their sum.
+    tail, head : (lanes,) 1/kg
+        q2'' by the force on each end.
+    centre : (3 lanes,) 1/kg
+        q1'' by the sum of both.
     held : bool
         Whether the ground holds any end.
-    keep, sign : (lanes,)
-    base : (3, lanes) m
+    keep, sign : (3 lanes,)
+    base : (3 lanes,) m
     where : (N,) int
-        Place of each of the kernel's nodes in a row.
+        Place of x of each of the kernel's nodes.
+    size : int
+        Places of all nodes.
     """
 
     stiffness: np.ndarray
@@ -63,25 +68,14 @@ class Rows(NamedTuple):
     sign: np.ndarray
     base: np.ndarray
     where: np.ndarray
-
-    @property
-    def lanes(self) -> int:
-        """Rods in a row, the filling included."""
-        return self.over.size
-
-    def filled(self, q: np.ndarray, into: np.ndarray) -> None:
-        """Write rod coordinates (nr, 6) into rows (6, lanes)."""
-        into[:, : self.rods] = q.T
-
-    def taken(self, rows: np.ndarray) -> np.ndarray:
-        """Rod coordinates (nr, 6) from rows."""
-        return rows[:, : self.rods].T
+    size: int
 
     def nodal(self, nodes: np.ndarray) -> np.ndarray:
-        """Nodal vectors (N, 3) as rows (3 row,)."""
-        rows = np.zeros((3, self.row))
-        rows[:, self.where] = nodes.T
-        return rows.ravel()
+        """Nodal vectors (N, 3) in rows, (size,)."""
+        rows = np.zeros(self.size)
+        for i in range(3):
+            rows[self.where + i * self.row] = nodes[:, i]
+        return rows
 
 
 def rows_of(dynamics: Dynamics) -> Rows:
@@ -90,9 +84,10 @@ def rows_of(dynamics: Dynamics) -> Rows:
     lanes = -(-count // _LANES) * _LANES
     hold, free = kernel.hold, kernel.hold == _FREE
     where = np.full(len(kernel.anchor), -1)
-    where[kernel.rod_tail], where[kernel.rod_head] = np.arange(count), lanes + np.arange(count)
-    alone = where < 0
-    where[alone] = 2 * lanes + np.arange(alone.sum())
+    where[kernel.rod_tail], where[kernel.rod_head] = np.arange(count), 3 * lanes + np.arange(count)
+    alone = np.flatnonzero(where < 0)
+    block, place = np.divmod(np.arange(alone.size), lanes)
+    where[alone] = (6 + 3 * block) * lanes + place
     sign = np.select([hold == _TAIL, hold == _HEAD], [1.0, -1.0])
     ends = kernel.anchor[kernel.rod_tail], kernel.anchor[kernel.rod_head]
     tails, heads = (hold == _TAIL)[:, None], (hold == _HEAD)[:, None]
@@ -107,49 +102,62 @@ def rows_of(dynamics: Dynamics) -> Rows:
         cables=kernel.cables,
         tail_at=where[kernel.tail_at // 3].astype(np.uint64),
         head_at=where[kernel.head_at // 3].astype(np.uint64),
-        row=int(2 * lanes + alone.sum()),
+        row=lanes,
         pieces=kernel.pieces,
         rods=count,
         over=row(1 / kernel.lengths**2, 1.0),
         tail=row(np.select([free, hold == _HEAD], [6.0, 3.0]) / kernel.mass),
         head=row(np.select([free, hold == _TAIL], [6.0, 3.0]) / kernel.mass),
-        centre=row(np.where(free, 2.0, 0.0) / kernel.mass),
+        centre=np.tile(row(np.where(free, 2.0, 0.0) / kernel.mass), 3),
         held=bool((~free).any()),
-        keep=row(free.astype(float)),
-        sign=row(sign),
-        base=np.stack([row(np.where(free, 0.0, base[:, i])) for i in range(3)]),
+        keep=np.tile(row(free.astype(float)), 3),
+        sign=np.tile(row(sign), 3),
+        base=np.concatenate([row(np.where(free, 0.0, base[:, i])) for i in range(3)]),
         where=where,
+        size=(6 + 3 * -(-alone.size // lanes)) * lanes,
     )
 
 
 @part
 def place_rows(rows, q, place):
     """Write nodes, or their velocities, from rod coordinates; nodes without a rod stay as they are."""
-    n, row = np.uint64(rows.over.size), np.uint64(rows.row)
-    for i in range(3):
-        tails, heads = np.uint64(i) * row, np.uint64(i) * row + n
-        for r in range(n):
-            first, second = q[i, r], q[i + 3, r]
-            place[tails + r], place[heads + r] = 0.5 * (first - second), 0.5 * (first + second)
+    half = np.uint64(3 * rows.row)
+    for i in range(half):
+        first, second = q[i], q[half + i]
+        place[i], place[half + i] = 0.5 * (first - second), 0.5 * (first + second)
 
 
 @part
 def push_rows(rows, q, force, push):
     """Acceleration of each rod by the forces on its ends, without the centripetal part."""
-    n, row = np.uint64(rows.over.size), np.uint64(rows.row)
-    two, tail, head, centre, sign = row + row, rows.tail, rows.head, rows.centre, rows.sign
+    n, tail, head, over = np.uint64(rows.row), rows.tail, rows.head, rows.over
+    two, half = n + n, n + n + n
+    direction, other, swing = q[half:], force[half:], push[half:]
     for r in range(n):
-        u, v, w = q[3, r], q[4, r], q[5, r]
-        x = head[r] * force[n + r] - tail[r] * force[r]
-        y = head[r] * force[row + n + r] - tail[r] * force[row + r]
-        z = head[r] * force[two + n + r] - tail[r] * force[two + r]
-        along = (u * x + v * y + w * z) / (u * u + v * v + w * w)
-        push[3, r], push[4, r], push[5, r] = x - along * u, y - along * v, z - along * w
-    for i in range(3):
-        first = np.uint64(i) * row
-        for r in range(n):
-            push[i, r] = centre[r] * (force[first + r] + force[first + n + r])
+        u, v, w = direction[r], direction[n + r], direction[two + r]
+        x = head[r] * other[r] - tail[r] * force[r]
+        y = head[r] * other[n + r] - tail[r] * force[n + r]
+        z = head[r] * other[two + r] - tail[r] * force[two + r]
+        along = over[r] * (u * x + v * y + w * z)
+        swing[r], swing[n + r], swing[two + r] = x - along * u, y - along * v, z - along * w
+    for i in range(half):
+        push[i] = rows.centre[i] * (force[i] + other[i])
     if rows.held:
-        for i in range(3):
-            for r in range(n):
-                push[i, r] += sign[r] * push[i + 3, r]
+        for i in range(half):
+            push[i] += rows.sign[i] * swing[i]
+
+
+@part
+def fill(rows, rods, into):
+    """Write rod coordinates (nr, 6) into rows."""
+    for r in range(rows.rods):
+        for i in range(6):
+            into[i * rows.row + r] = rods[r, i]
+
+
+@part
+def take(rows, values, rods):
+    """Write rows as rod coordinates (nr, 6)."""
+    for r in range(rows.rods):
+        for i in range(6):
+            rods[r, i] = values[i * rows.row + r]

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from tensctl.jit import bare
 from tensctl.model.kernel import springs
+from tensctl.simulation.integrators.kept import opened
 from tensctl.simulation.integrators.leap import copy_moment, leap, rates_at, refresh
 
 # Part of the rest length within which a tendon counts as on its boundary.
@@ -83,22 +84,23 @@ def first_to_leave(on, rest, gap0, rate0, gap1, rate1, h):
 
 
 @bare
-def again(rows, drive, t, h, kicks, drifts, start, now, work):
+def again(scene, t, h, start, now):
     """Take the step from the same start with another length."""
     copy_moment(start, now)
-    leap(rows, drive, t, h, kicks, drifts, now, work)
-    rates_at(rows, drive, t + h, now, work)
+    leap(scene, t, h, now)
+    rates_at(scene, t + h, now)
 
 
 @bare
-def land_on(rows, drive, t, tendon, longest, guess, kicks, drifts, start, now, work):
+def land_on(scene, t, tendon, longest, guess, start, now):
     """The step length at which a tendon reaches its boundary, the structure left there; and how many trials it took."""
+    work = opened(scene).work
     side, band = 1.0 - 2.0 * work.on[tendon], BAND * work.rest[tendon]
     level = level_of(side * start.gap[tendon], band)
     low, high, h = 0.0, longest, guess
     trials = 0
     while trials < _TRIALS:
-        again(rows, drive, t, h, kicks, drifts, start, now, work)
+        again(scene, t, h, start, now)
         trials += 1
         miss, slope = side * now.gap[tendon] - level, side * now.rate[tendon]
         if abs(miss) <= 0.01 * band:
@@ -112,14 +114,15 @@ def land_on(rows, drive, t, tendon, longest, guess, kicks, drifts, start, now, w
             h = 0.5 * (low + high)
         if not low < h < high:
             h = high
-            again(rows, drive, t, h, kicks, drifts, start, now, work)
+            again(scene, t, h, start, now)
             break
     return h, trials
 
 
 @bare
-def change_over(rows, drive, t, tendon, now, work):
+def change_over(scene, t, tendon, now):
     """Put a tendon, and all in their band that move outward, on their other side; how many there were."""
+    rows, _, work, _ = opened(scene)
     count = 0
     for k in range(work.on.size):
         side, band = 1.0 - 2.0 * work.on[k], BAND * work.rest[k]
@@ -128,13 +131,14 @@ def change_over(rows, drive, t, tendon, now, work):
             work.on[k] = 1.0 - work.on[k]
             count += 1
     springs(rows, work.rest, work.on, work.spring)
-    refresh(rows, drive, t, now, work)
+    refresh(scene, t, now)
     return count
 
 
 @bare
-def settle(rows, drive, t, h, kicks, drifts, start, now, work):
+def settle(scene, t, h, start, now):
     """Shorten a step that was just taken to its first switch; returns its length, the tendon or -1, and steps tried."""
+    work = opened(scene).work
     tendon, tried = -1, 0
     for _ in range(_EARLIER):
         left, when, hidden = first_to_leave(work.on, work.rest, start.gap, start.rate, now.gap, now.rate, h)
@@ -142,10 +146,10 @@ def settle(rows, drive, t, h, kicks, drifts, start, now, work):
             break
         if hidden:
             h, tendon = when, -1
-            again(rows, drive, t, h, kicks, drifts, start, now, work)
+            again(scene, t, h, start, now)
             tried += 1
         else:
             tendon = left
-            h, trials = land_on(rows, drive, t, tendon, h, when, kicks, drifts, start, now, work)
+            h, trials = land_on(scene, t, tendon, h, when, start, now)
             tried += trials
     return h, tendon, tried

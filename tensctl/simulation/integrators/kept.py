@@ -1,0 +1,101 @@
+"""Arguments that compiled code reads from Python once, and from memory ever after.
+
+    kept = Kept(value)          # value: arrays, numbers and tuples of them
+    kernel(kept): opened(kept)  # the value, inside compiled code
+
+Reading an array from Python costs a kernel 0.2 us, so the 70 arrays of a splitting take as long as a third of its steps
+on a small structure. A `Kept` costs what one array does. Its arrays are those that it was given, not copies: what
+is written into them on either side is seen on the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numba
+import numba.core.config
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.core.registry import cpu_target
+from numba.extending import NativeValue, intrinsic, models, register_model, unbox
+
+from tensctl.jit import bare
+
+_PLAIN: bool = cast(Any, numba.core.config).DISABLE_JIT
+
+
+class Kept:
+    """A value as compiled code has it, at an address that stays the same."""
+
+    __slots__ = ("_numba_type_", "_room", "address", "value")
+
+    def __init__(self, value: Any) -> None:
+        self.value = value  # its arrays live as long as their addresses are used
+        if _PLAIN:
+            return
+        context: Any = cpu_target.target_context
+        self._numba_type_ = KeptType(numba.typeof(value))
+        self._room = np.zeros(context.get_abi_sizeof(context.get_value_type(self._numba_type_.inner)), np.uint8)
+        self.address = self._room.ctypes.data
+        _keep(self, value)
+
+    def __reduce__(self) -> tuple:
+        return Kept, (self.value,)  # a copy has its own address, and copies of the arrays
+
+
+class KeptType(types.Type):
+    """Numba's type of a `Kept`, by that of its value."""
+
+    def __init__(self, inner: types.Type) -> None:
+        self.inner = inner
+        super().__init__(name=f"Kept({inner})")
+
+
+register_model(KeptType)(models.OpaqueModel)
+
+
+@unbox(KeptType)
+def _unbox(_: KeptType, value: Any, c: Any) -> NativeValue:
+    address = c.pyapi.object_getattr_string(value, "address")
+    pointer = c.pyapi.long_as_voidptr(address)
+    c.pyapi.decref(address)
+    return NativeValue(pointer)
+
+
+def _place(context: Any, builder: Any, kept: Any, kind: KeptType) -> Any:
+    return builder.bitcast(kept, ir.PointerType(context.get_value_type(kind.inner)))
+
+
+@intrinsic
+def _opened(_: Any, kept: Any) -> Any:
+    def load(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(_place(context, builder, arguments[0], signature.args[0]))
+
+    return kept.inner(kept), load
+
+
+@intrinsic
+def _store(_: Any, kept: Any, value: Any) -> Any:
+    def store(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.store(arguments[1], _place(context, builder, arguments[0], signature.args[0]))
+        return context.get_dummy_value()
+
+    return types.void(kept, value), store
+
+
+_stored: Callable[[Any, Any], None] = cast(Any, _store)
+
+
+@bare
+def _keep(kept, value):
+    _stored(kept, value)
+
+
+def _value_of(kept: Kept) -> Any:
+    return kept.value
+
+
+opened: Callable[[Kept], Any] = _value_of if _PLAIN else cast(Any, _opened)
+"""The value that is kept, inside compiled code; in plain Python where compilation is switched off for a debugger."""
