@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         move,
         observability,
     )
+    from tensctl.codegen import CSource, export_c
     from tensctl.errors import (
         EquilibriumError,
         LinearizationError,
@@ -94,6 +95,7 @@ _HOME = {
         "move",
         "observability",
     ),
+    "tensctl.codegen": ("CSource", "export_c"),
     "tensctl.errors": (
         "EquilibriumError",
         "LinearizationError",
@@ -163,6 +165,7 @@ __all__ = [
     "LQR",
     "MPC",
     "Batch",
+    "CSource",
     "Dynamics",
     "Equilibrium",
     "EquilibriumError",
@@ -203,6 +206,7 @@ __all__ = [
     "build_structure",
     "compliance",
     "controllability",
+    "export_c",
     "find_equilibria",
     "find_equilibrium",
     "harmonic_controllability",

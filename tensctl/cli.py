@@ -147,18 +147,24 @@ def accuracy(scene: SceneFile, /, *, out: Out | None = None) -> None:
 
 @app.command
 def export(scene: SceneFile, /, *, out: Out) -> None:
-    """Write the linear model as a .mat file, or the structure as a MuJoCo model (.xml).
+    """Write the linear model as a .mat file, the structure as a MuJoCo model (.xml), or the controller as C (.c).
 
     Parameters
     ----------
     out
-        File to write; .xml is MuJoCo's MJCF, anything else a MATLAB file.
+        File to write; .xml is MuJoCo's MJCF, .c the controller with its header beside it, anything else a MATLAB file.
     """
     asked = _load(scene)
-    from tensctl.interop import write_mat, write_mjcf
+    if out.suffix == ".c":
+        from tensctl.codegen import export_c
+        from tensctl.pipeline import design
 
-    write = write_mjcf if out.suffix == ".xml" else write_mat
-    write(asked, out)
+        export_c(design(asked), out)
+    else:
+        from tensctl.interop import write_mat, write_mjcf
+
+        write = write_mjcf if out.suffix == ".xml" else write_mat
+        write(asked, out)
     print(f"written: {out}")
 
 

@@ -23,6 +23,7 @@ ROOMS = (
     "accuracy",
     "report",
     "interop",
+    "codegen",
     "pipeline",
     "cli",
 )

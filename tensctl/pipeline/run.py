@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tensctl.atomic import replaced_folder
-from tensctl.errors import EquilibriumError, SimulationError
+from tensctl.errors import EquilibriumError, SceneError, SimulationError
 from tensctl.pipeline.clock import Clock
 from tensctl.pipeline.motion import simulated
 from tensctl.pipeline.results import Results
@@ -19,6 +19,7 @@ from tensctl.statics import Equilibrium, Stability, find_equilibrium
 if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.scene import Scene
+    from tensctl.synthesis import LQG, LQR, MPC, SampledLQR
 
 
 def run(scene: Scene, out: str | Path, *, progress: Progress | None = None) -> Results:
@@ -77,6 +78,30 @@ def study(scene: Scene) -> Study:
     asked = {} if scene.controllability is None else scene.controllability
     later = dict.fromkeys(("lqr", "lqg", "mpc", "target", "simulation", "accuracy", "report"))
     found = _compute(scene.replaced(**later, controllability=asked), Clock()).study
+    assert found is not None
+    return found
+
+
+def design(scene: Scene) -> LQR | SampledLQR | LQG | MPC:
+    """The controller that a scene runs, and nothing else: what `tensctl export SCENE -o FILE.c` writes.
+
+    It is the one that `simulation.controller` names, or the only one that the scene has a section for.
+
+    Raises
+    ------
+    SceneError
+        When the scene leaves open which.
+    """
+    named = _controller(scene)
+    asked = [name for name in ("lqr", "lqg", "mpc") if getattr(scene, name) is not None]
+    if named == "none" and len(asked) != 1:
+        given = "none of" if not asked else "more than one of"
+        raise SceneError(
+            f"the scene has {given} [lqr], [lqg] and [mpc]; give one section, or name one in simulation.controller."
+        )
+    name = asked[0] if named == "none" else named
+    later = dict.fromkeys(("controllability", "simulation", "accuracy", "report"))
+    found = getattr(_compute(scene.replaced(**later), Clock()), name)
     assert found is not None
     return found
 

@@ -1,0 +1,176 @@
+"""A controller as one C file and its header: what a step computes, with every matrix a constant table.
+
+    u = -K x,   u = -(C xi + C_u u),   or the first input of the condensed QP; all clipped to the hard limits
+
+The source is C99 and needs math.h and string.h. It allocates nothing, keeps all that it remembers in one static struct,
+and bounds its own work: a QP that takes more iterations than allowed is answered by the last plan.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from tensctl import __version__
+from tensctl.codegen.chart import ChartTables, chart_tables
+from tensctl.codegen.literals import Table, number
+from tensctl.codegen.predictive import predictive_tables, relaxation
+from tensctl.errors import OutputError
+from tensctl.synthesis import LQG, LQR, MPC, SampledLQR
+
+Exportable = LQR | SampledLQR | LQG | MPC
+
+_NAME = "controller"
+
+
+@dataclass(frozen=True, eq=False)
+class CSource:
+    """A controller as C.
+
+    Attributes
+    ----------
+    kind : "lqr", "lqg" or "mpc"
+    header, source : str
+    tables : tuple of Table
+        The constant arrays of the source.
+    """
+
+    kind: str
+    header: str
+    source: str
+    tables: tuple[Table, ...]
+
+    @property
+    def table_bytes(self) -> int:
+        """Constant memory of the arrays."""
+        return sum(table.bytes for table in self.tables)
+
+
+def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | None = None) -> CSource:
+    """Write a controller as C source.
+
+    Parameters
+    ----------
+    controller : LQR, LQG or MPC
+        About one equilibrium: a controller that follows a path is refused.
+    path : path
+        A file `NAME.c`, or a folder that exists, for `controller.c`; the header stands beside it.
+    max_iterations : int, optional
+        Most changes of the active set in one step of an MPC, ten times its unknowns by default. A step that needs more
+        answers with its last plan.
+
+    Raises
+    ------
+    OutputError
+        A controller without a form in C, or a place that cannot be written.
+    """
+    if max_iterations is not None and (not isinstance(max_iterations, int) or max_iterations < 1):
+        raise OutputError(f"max_iterations is {max_iterations}; a whole number >= 1 is expected.")
+    path = Path(path)
+    if path.is_dir():
+        path = path / f"{_NAME}.c"
+    if path.suffix != ".c" or not path.parent.is_dir():
+        raise OutputError(f"{path} cannot be written: give a file NAME.c in a folder that exists.")
+    made = _made(controller, path.stem, max_iterations)
+    try:
+        path.write_text(made.source, encoding="utf-8")
+        path.with_suffix(".h").write_text(made.header, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror or error}.") from None
+    return made
+
+
+def _made(controller: Exportable, name: str, max_iterations: int | None) -> CSource:
+    facts: dict[str, Any] = {"name": name, "version": __version__, "number": number, "chart": None}
+    if isinstance(controller, LQG):
+        facts |= _lqg(controller)
+    elif isinstance(controller, MPC):
+        facts |= _with_chart(controller.linear) | _mpc(controller, max_iterations)
+    elif isinstance(controller, LQR | SampledLQR):
+        facts |= _with_chart(controller.linear) | _lqr(controller)
+    else:
+        raise OutputError(f"{type(controller).__name__} has no form in C; give an LQR, an LQG or an MPC.")
+    chart: ChartTables | None = facts["chart"]
+    tables = (*(() if chart is None else chart.tables), *facts["tables"])
+    facts |= {"tables": tables}
+    return CSource(facts["kind"], _filled("controller.h", facts), _filled("controller.c", facts), tables)
+
+
+def _with_chart(linear) -> dict[str, Any]:
+    chart = chart_tables(linear)
+    nu = len(linear.inputs)
+    measured = (
+        f"{3 * chart.nodes} node coordinates (m), node by node",
+        f"{3 * chart.nodes} node velocities (m/s), in the same order",
+        f"{nu} inputs u as they are now (m)",
+    )
+    return {"chart": chart, "inputs": linear.inputs, "measured": measured, "size": 6 * chart.nodes + nu}
+
+
+def _limits(linear) -> tuple[Table, ...]:
+    lower, upper = linear.dynamics.members.input_bounds
+    return (
+        Table("input_rest", linear.equilibrium.inputs, "inputs at the equilibrium, m"),
+        Table("input_lower", lower, "least total inputs, m"),
+        Table("input_upper", upper, "largest total inputs, m"),
+    )
+
+
+def _lqr(design: LQR | SampledLQR) -> dict[str, Any]:
+    gain = Table("K", design.K, "gain: change of the inputs, m, from states (and inputs)")
+    return {
+        "kind": "lqr", "dt": design.dt, "tables": (gain, *_limits(design.linear)),
+        "sees_inputs": isinstance(design, SampledLQR),
+    }  # fmt: skip
+
+
+def _lqg(design: LQG) -> dict[str, Any]:
+    if design.dt is None:
+        raise OutputError("this LQG was designed in continuous time; give lqg a control period dt to export it.")
+    e, nu = design.estimator, len(design.linear.inputs)
+    ny = len(design.sensors.labels)
+    tables = (
+        Table("Phi", e.Phi, "estimate from the last estimate"),
+        Table("seen", e.seen, "estimate from what the sensors show"),
+        Table("before", e.before, "estimate from the last inputs"),
+        Table("now", e.now, "estimate from the inputs as they are"),
+        Table("C", e.C, "change of the inputs from the estimate"),
+        Table("direct", e.direct, "change of the inputs from the inputs as they are"),
+        Table("D", design.plant.D, "what the sensors show of the inputs"),
+        Table("sensors_rest", design.sensors.of(design.linear.equilibrium), "what the sensors show at rest"),
+        *_limits(design.linear),
+    )
+    measured = (
+        f"{ny} sensor values (m, N): " + ", ".join(design.sensors.labels),
+        f"{nu} inputs u as they are now (m)",
+    )
+    return {
+        "kind": "lqg", "dt": design.dt, "tables": tables, "inputs": design.linear.inputs, "measured": measured,
+        "size": ny + nu, "sensors": ny, "order": design.order,
+    }  # fmt: skip
+
+
+def _mpc(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
+    curvature, price = relaxation(mpc.problem)
+    unknowns = mpc.horizon * (len(mpc.linear.inputs) + 1)
+    return {
+        "kind": "mpc", "dt": mpc.dt, "tables": predictive_tables(mpc), "horizon": mpc.horizon,
+        "tensions": len(mpc.problem.tendons), "curvature": curvature, "price": price,
+        "largest": float(abs(mpc.problem.H.diagonal()).max()), "max_iterations": max_iterations or 10 * unknowns,
+    }  # fmt: skip
+
+
+def _filled(template: str, facts: dict[str, Any]) -> str:
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    def source(name: str) -> str:
+        return files("tensctl.codegen").joinpath("templates", name).read_text(encoding="utf-8")
+
+    # C has "{%" and "{#" of its own seldom, but "{{" in every nested initialiser.
+    environment = Environment(
+        loader=FunctionLoader(source), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, variable_start_string="<<", variable_end_string=">>", autoescape=False,
+    )  # fmt: skip
+    return environment.get_template(template).render(facts)

@@ -1,0 +1,55 @@
+/* A tensegrity controller (<< kind >>), written by tensctl << version >>.
+ *
+ * Call tensctl_step once every TENSCTL_PERIOD seconds. It allocates nothing and remembers the last step in one static
+ * struct, so one program runs one controller.
+ *
+ * measurement: TENSCTL_MEASUREMENT doubles,
+{% for part in measured %}
+ *   << part >>
+{% endfor %}
+ * u: TENSCTL_INPUTS doubles, total changes of rest length from L0 (m, > 0 shortens), to be reached in a straight line by
+ *   the end of the period, in this order:
+{% for label in inputs %}
+ *   << label >>
+{% endfor %}
+ */
+#ifndef TENSCTL_CONTROLLER_H
+#define TENSCTL_CONTROLLER_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define TENSCTL_MEASUREMENT << size >>
+#define TENSCTL_INPUTS << inputs|length >>
+#define TENSCTL_PERIOD << number(dt) >>
+
+/* How a step was answered. Hard limits hold in every case. */
+enum tensctl_outcome {
+    TENSCTL_OK = 0,       /* as designed */
+    TENSCTL_RELAXED = 1,  /* tension floors cannot all be kept: relaxed by the least */
+    TENSCTL_FALLBACK = 2, /* no answer within the bound of iterations: what the last plan would do next */
+    TENSCTL_REFUSED = 3   /* the measurement has an entry that is no number: the last command again */
+};
+
+struct tensctl_report {
+    int outcome;
+    int iterations; /* changes of the active set; 0 without an optimisation */
+    double kkt;     /* recomputed KKT residual; < 0 when there is no optimum to judge */
+    double relaxed; /* by how much the worst tension floor gives way, N */
+};
+
+/* One step; returns an outcome. */
+int tensctl_step(const double *measurement, double *u);
+
+/* What happened in the last step. */
+struct tensctl_report tensctl_last(void);
+
+/* Forget earlier steps. */
+void tensctl_reset(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,131 @@
+/* Rows of the problem without a matrix: bounds, block Toeplitz tension rows, differences. */
+
+static double largest_of(int n, const double *x)
+{
+    double largest = 0.0;
+    for (int i = 0; i < n; i++) {
+        largest = fabs(x[i]) > largest ? fabs(x[i]) : largest;
+    }
+    return largest;
+}
+
+/* Tension row k at z, without slack: stage k / TENSIONS, inputs of this and of earlier stages. */
+static double tension_of(int k, const double *z)
+{
+    int stage = k / TENSIONS, i = k % TENSIONS;
+    double sum = 0.0;
+    for (int j = 0; j <= stage; j++) {
+        const double *block = tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
+        for (int c = 0; c < INPUTS; c++) {
+            sum += block[c] * z[j * INPUTS + c];
+        }
+    }
+    return sum;
+}
+
+static double row_at(int row, const double *z)
+{
+    if (row < UNKNOWNS) {
+        return z[row];
+    }
+    row -= UNKNOWNS;
+    if (row < FLOORS) {
+        return tension_of(row, z) + (self.relaxed ? z[VARIABLES + row / TENSIONS] : 0.0);
+    }
+    row -= FLOORS;
+    return row < INPUTS ? z[row] : z[row] - z[row - INPUTS];
+}
+
+/* x += scale times the row; the first entry that may differ from 0 is returned. */
+static int add_row(int row, double scale, double *x)
+{
+    if (row < UNKNOWNS) {
+        x[row] += scale;
+        return row;
+    }
+    row -= UNKNOWNS;
+    if (row >= FLOORS) {
+        row -= FLOORS;
+        x[row] += scale;
+        if (row >= INPUTS) {
+            x[row - INPUTS] -= scale;
+        }
+        return row < INPUTS ? row : row - INPUTS;
+    }
+    int stage = row / TENSIONS, i = row % TENSIONS;
+    for (int j = 0; j <= stage; j++) {
+        const double *block = tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
+        for (int c = 0; c < INPUTS; c++) {
+            x[j * INPUTS + c] += scale * block[c];
+        }
+    }
+    if (self.relaxed) {
+        x[VARIABLES + stage] += scale;
+    }
+    return 0;
+}
+
+/* Whether the row is one of this problem: slacks belong to the relaxed one only. */
+static int in_problem(int row)
+{
+    return self.relaxed || row < VARIABLES || row >= UNKNOWNS;
+}
+
+/* y = W x, x zero before `first`. */
+static void to_image(int first, const double *x, double *y)
+{
+    for (int i = 0; i < VARIABLES; i++) {
+        const double *w = W_lower + (size_t)i * (i + 1) / 2;
+        double sum = 0.0;
+        for (int j = first; j <= i; j++) {
+            sum += w[j] * x[j];
+        }
+        y[i] = sum;
+    }
+    for (int i = VARIABLES; i < self.size; i++) {
+        y[i] = x[i] / sqrt(slack_curvature);
+    }
+}
+
+/* z = z0 + W' y. */
+static void from_image(const double *y, const double *z0, double *z)
+{
+    memcpy(z, z0, UNKNOWNS * sizeof z[0]);
+    for (int i = 0; i < VARIABLES; i++) {
+        const double *w = W_lower + (size_t)i * (i + 1) / 2;
+        for (int j = 0; j <= i; j++) {
+            z[j] += w[j] * y[i];
+        }
+    }
+    for (int i = VARIABLES; i < self.size; i++) {
+        z[i] += y[i] / sqrt(slack_curvature);
+    }
+}
+
+/* y = H z. */
+static void curved(const double *z, double *y)
+{
+    memset(y, 0, UNKNOWNS * sizeof y[0]);
+    for (int i = 0; i < VARIABLES; i++) {
+        const double *h = H_lower + (size_t)i * (i + 1) / 2;
+        for (int j = 0; j < i; j++) {
+            y[i] += h[j] * z[j];
+            y[j] += h[j] * z[i];
+        }
+        y[i] += h[i] * z[i];
+    }
+    for (int i = VARIABLES; i < self.size; i++) {
+        y[i] = slack_curvature * z[i];
+    }
+}
+
+/* Size of W times the row. */
+static double image_size(int row)
+{
+    double slack = 1.0 / slack_curvature;
+    if (row >= VARIABLES && row < UNKNOWNS) {
+        return sqrt(slack);
+    }
+    double own = row < VARIABLES ? row_size[row] : row_size[row - HORIZON];
+    return self.relaxed && row >= UNKNOWNS && row < UNKNOWNS + FLOORS ? sqrt(own * own + slack) : own;
+}

@@ -1,0 +1,85 @@
+"""Compiles exported controllers and runs them: in this process, or as a program that reads measurements."""
+
+import ctypes
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+
+CC = [shutil.which("cc")] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+ALLOCATORS = ("malloc", "calloc", "realloc", "free", "aligned_alloc")
+
+# Reads measurements and writes outcome, command, until the input ends.
+PLAYER = """
+#include "controller.h"
+#include <stdio.h>
+int main(void)
+{
+    static double measurement[TENSCTL_MEASUREMENT], answer[1 + TENSCTL_INPUTS];
+    while (fread(measurement, sizeof measurement[0], TENSCTL_MEASUREMENT, stdin) == TENSCTL_MEASUREMENT) {
+        answer[0] = tensctl_step(measurement, answer + 1);
+        fwrite(answer, sizeof answer[0], 1 + TENSCTL_INPUTS, stdout);
+    }
+    return 0;
+}
+"""
+
+
+class Report(ctypes.Structure):
+    """`struct tensctl_report`."""
+
+    _fields_ = [
+        ("outcome", ctypes.c_int),
+        ("iterations", ctypes.c_int),
+        ("kkt", ctypes.c_double),
+        ("relaxed", ctypes.c_double),
+    ]
+
+
+class Compiled:
+    """An exported controller in this process."""
+
+    def __init__(self, source, inputs):
+        self.inputs = inputs
+        library = source.with_suffix(".so")
+        build([source], library, "-shared", "-fPIC")
+        self._c = ctypes.CDLL(str(library))
+        self._c.tensctl_last.restype = Report
+        self.reset = self._c.tensctl_reset
+
+    def step(self, measurement):
+        """Outcome and command."""
+        pointer = ctypes.POINTER(ctypes.c_double)
+        shown, u = np.ascontiguousarray(measurement, float), np.full(self.inputs, np.nan)
+        outcome = self._c.tensctl_step(shown.ctypes.data_as(pointer), u.ctypes.data_as(pointer))
+        assert self.last.outcome == outcome
+        return outcome, u
+
+    @property
+    def last(self):
+        return self._c.tensctl_last()
+
+
+def build(sources, target, *flags):
+    """Compile with every warning an error, and link."""
+    subprocess.run([*CC, *STRICT, *flags, "-o", str(target), *map(str, sources), "-lm"], check=True)
+
+
+def links(sources, target, *flags):
+    """Whether sources compile and link."""
+    command = [*CC, *STRICT, *flags, "-o", str(target), *map(str, sources), "-lm"]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+def played(program, measurements):
+    """Outcomes and commands of the program for measurements, (steps, .)."""
+    done = subprocess.run([str(program)], input=measurements.tobytes(), capture_output=True, check=True)
+    answers = np.frombuffer(done.stdout).reshape(len(measurements), -1)
+    return answers[:, 0].astype(int), answers[:, 1:]
+
+
+def flat(measurement):
+    """A measurement as the C source of a state controller reads it."""
+    return np.concatenate([measurement.nodes.ravel(), measurement.velocities.ravel(), measurement.inputs])

@@ -1,0 +1,358 @@
+"""Controllers in C answer as those in Python do, keep hard limits to the last bit, and allocate nothing."""
+
+import subprocess
+
+import numpy as np
+import pytest
+from compiled import ALLOCATORS, CC, PLAYER, Compiled, build, flat, links, played
+from support import MIXED_PINS, network_scene, random_motion, shell_scene, solved
+
+import tensctl as tc
+from tensctl.cli import main
+from tensctl.errors import OutputError, SceneError
+from tensctl.pipeline import design
+from tensctl.simulation import Measurement
+
+OK, RELAXED, FALLBACK, REFUSED = range(4)
+HORIZON, FLOOR, RATE = 5, 1.0, 0.4
+PLANE = {
+    "kind": "planar",
+    "nodes": {"a": [0, 0], "b": [1, 0], "c": [1, 1], "d": [0, 1]},
+    "rods": {"r1": ["a", "c"], "r2": ["b", "d"]},
+    "tendons": {"t1": ["a", "b"], "t2": ["b", "c"], "t3": ["c", "d"], "t4": ["d", "a"]},
+}
+CHARTS = {
+    "free": shell_scene(),
+    "pinned in many ways": shell_scene(pins=list(MIXED_PINS)),
+    "joints": shell_scene(3, 2, cls=2, pins=["P1_*_1"]),
+    "free joints": shell_scene(3, 2, cls=2),
+    "free in a plane": tc.Scene(structure=PLANE),
+}
+
+
+def shown(rest, nodes, velocities, inputs):
+    return Measurement(nodes, velocities, rest.lengths, rest.tensions, inputs)
+
+
+def predictive(linear, **given):
+    return tc.MPC(linear, horizon=HORIZON, **{"tension_min": FLOOR, "rate_max": RATE} | given)
+
+
+class Both:
+    """A controller and its C source on the same measurements; C steers."""
+
+    def __init__(self, python, c):
+        self.python, self.c, self.dt = python, c, python.dt
+        self.sensors = getattr(python, "sensors", None)
+        self.differences, self.outcomes, self.steps, self.measurements = [], [], [], []
+
+    def reset(self):
+        self.python.reset()
+        self.c.reset()
+
+    def step(self, t, measurement):
+        seen = flat(measurement) if self.sensors is None else np.concatenate([measurement.values, measurement.inputs])
+        wanted = self.python.step(t, measurement)
+        outcome, u = self.c.step(seen)
+        self.differences.append(np.abs(u - wanted).max())
+        self.outcomes.append(outcome)
+        self.steps.append((measurement.inputs, u, wanted))
+        self.measurements.append(seen)
+        return u
+
+
+@pytest.fixture(scope="module")
+def steered(mast, tmp_path_factory):
+    """The mast thrown about and held by its MPC in C, Python beside it: 201 steps, 4 s."""
+    dynamics, rest, linear = mast
+    folder = tmp_path_factory.mktemp("mpc")
+    mpc = predictive(linear)
+    made = tc.export_c(mpc, folder)
+    both = Both(mpc, Compiled(folder / "controller.c", 21))
+    start = random_motion(rest.potential, np.random.default_rng(1), 0.02, 0.5)
+    tc.simulate(dynamics, start, controller=both, t_end=4.0, rate_max=RATE)
+    return both, made, folder
+
+
+class TestPredictive:
+    def test_commands_are_those_of_python(self, steered):
+        both, _, _ = steered
+        assert len(both.differences) == 201
+        assert max(both.differences) < 1e-9
+
+    def test_the_run_has_all_kinds_of_steps(self, steered):
+        """Floors that cannot be kept, rates at their limits and steps without an active limit, as Python says too."""
+        both, _, _ = steered
+        assert {OK, RELAXED} == set(both.outcomes)
+        said = [record.status.endswith("relaxed") for record in both.python.records]
+        assert [outcome == RELAXED for outcome in both.outcomes] == said
+        at_rate = [np.isin(np.abs(u - now), (RATE * both.dt)).any() for now, u, _ in both.steps]
+        assert 10 < sum(at_rate) < 190
+
+    def test_hard_limits_hold_to_the_last_bit(self, steered):
+        both, _, _ = steered
+        lower, upper = both.python.linear.dynamics.members.input_bounds
+        reach = both.python.rate_max * both.dt
+        for now, u, wanted in both.steps:
+            assert (u >= now - reach).all()
+            assert (u <= now + reach).all()
+            assert (u >= lower).all()
+            assert (u <= upper).all()
+            limit = np.isin(wanted, (now - reach, now + reach))
+            assert (np.abs(u - wanted)[limit] < 1e-12).all()
+
+    def test_residual_and_shortfall_are_reported(self, mast, steered):
+        """Of a problem with relaxed floors and of one without, each as Python judges its own."""
+        both, _, _ = steered
+        rest = mast[1]
+        thrown = random_motion(rest.potential, np.random.default_rng(1), 0.02, 0.5)
+        for motion, outcome in (((rest.nodes, np.full_like(rest.nodes, 1e-3)), OK), (thrown, RELAXED)):
+            both.reset()
+            both.step(0.0, shown(rest, *motion, rest.inputs))
+            last, record = both.c.last, both.python.records[-1]
+            assert last.outcome == outcome
+            assert 0 <= last.kkt < 1e-9
+            assert last.relaxed == pytest.approx(record.relaxed, abs=1e-8)
+            assert (last.relaxed > 0) == (outcome == RELAXED)
+
+    def test_the_past_changes_rounding_only(self, mast, steered):
+        """The active set that a step begins with is a guess, not an answer."""
+        both, _, _ = steered
+        for at in (1, 5, 20):
+            both.reset()
+            fresh = both.c.step(both.measurements[at])[1]
+            both.c.reset()
+            for measurement in both.measurements[:at]:
+                both.c.step(measurement)
+            assert np.abs(both.c.step(both.measurements[at])[1] - fresh).max() < 1e-9
+
+    def test_a_warm_start_saves_iterations(self, steered):
+        """The last active set, one stage on, is nearer than none while the mast swings."""
+        both, _, _ = steered
+        both.reset()
+        warm = 0
+        for measurement in both.measurements[20:50]:
+            both.c.step(measurement)
+            warm += both.c.last.iterations
+        cold = 0
+        for measurement in both.measurements[20:50]:
+            both.c.reset()
+            both.c.step(measurement)
+            cold += both.c.last.iterations
+        assert warm < cold
+
+    def test_beyond_the_bound_the_last_plan_goes_on(self, mast, tmp_path):
+        """Commands then are the plan of the last answered step, one stage after another, cut to the limits."""
+        _, rest, linear = mast
+        mpc = predictive(linear, tension_min=-1e6)
+        tc.export_c(mpc, tmp_path, max_iterations=1)
+        c = Compiled(tmp_path / "controller.c", 21)
+        calm = shown(rest, rest.nodes, np.zeros_like(rest.nodes), rest.inputs + 1e-4)
+        plan = mpc.solve(0.0, calm) + rest.inputs
+        outcome, u = c.step(flat(calm))
+        assert outcome == OK
+        assert np.abs(u - plan[0]).max() < 1e-12
+        nodes, velocities = random_motion(rest.potential, np.random.default_rng(2), 0.02, 0.5)
+        now = u
+        for stage in (1, 2, 3):
+            outcome, u = c.step(flat(shown(rest, nodes, velocities, now)))
+            assert (outcome, c.last.iterations) == (FALLBACK, 1)
+            assert c.last.kkt < 0
+            assert np.abs(u - plan[stage]).max() < 1e-12
+            now = u
+        far = now + 1.0
+        outcome, u = c.step(flat(shown(rest, nodes, velocities, far)))
+        assert outcome == FALLBACK
+        assert (u == np.clip(far - RATE * 0.02, *linear.dynamics.members.input_bounds)).all()
+
+    def test_without_a_plan_inputs_stay(self, mast, tmp_path):
+        _, rest, linear = mast
+        tc.export_c(predictive(linear), tmp_path, max_iterations=1)
+        c = Compiled(tmp_path / "controller.c", 21)
+        nodes, velocities = random_motion(rest.potential, np.random.default_rng(2), 0.02, 0.5)
+        now = rest.inputs + 0.003
+        outcome, u = c.step(flat(shown(rest, nodes, velocities, now)))
+        assert outcome == FALLBACK
+        assert np.abs(u - now).max() < 1e-15
+
+    def test_a_number_that_is_none_is_refused(self, steered):
+        both, _, _ = steered
+        both.reset()
+        good = both.measurements[50]
+        bad = good.copy()
+        bad[7] = np.nan
+        assert both.c.step(bad)[0] == REFUSED
+        before = both.c.step(good)[1]
+        outcome, u = both.c.step(bad)
+        assert outcome == REFUSED
+        assert (u == before).all()
+
+    def test_stiff_and_soft_tendons(self, tmp_path):
+        """Stiffness from 1 to 1e6 N/m in one mast: commands agree where they are decided."""
+        stiffness = {"*": 100.0, "t5_*": 1e6, "t6_*": 1.0}
+        _, rest, linear = solved(shell_scene(pins=["P1_*_1"], tendons={"stiffness": stiffness, "rest_ratio": 0.8}))
+        dt = 0.4 / np.sqrt(max(mode.omega2 for mode in linear.flexible.modes))
+        mpc = tc.MPC(linear, horizon=4, dt=dt, tension_min=0.0)
+        tc.export_c(mpc, tmp_path)
+        c = Compiled(tmp_path / "controller.c", 21)
+        for seed in range(5):
+            nodes, velocities = random_motion(rest.potential, np.random.default_rng(seed), 1e-4, 1e-2)
+            seen = shown(rest, nodes, velocities, rest.inputs)
+            outcome, u = c.step(flat(seen))
+            assert outcome in (OK, RELAXED)
+            assert np.abs(u - mpc.step(0.0, seen)).max() < 1e-9
+
+
+class TestFeedback:
+    @pytest.mark.parametrize("name", CHARTS)
+    def test_every_chart(self, name, tmp_path):
+        """States of pinned, free, planar and jointed structures: the gain sees the same in C."""
+        _, rest, linear = solved(CHARTS[name])
+        lqr = tc.lqr(linear, dt=0.02, stabilisable_only=True)
+        tc.export_c(lqr, tmp_path)
+        c, rng = Compiled(tmp_path / "controller.c", len(linear.inputs)), np.random.default_rng(3)
+        for reach in (0.0, 1e-9, 0.05, 0.3):
+            nodes, velocities = random_motion(rest.potential, rng, reach, 1.0)
+            inputs = rest.inputs + 0.01 * rng.standard_normal(rest.inputs.size)
+            seen = shown(rest, nodes, velocities, inputs)
+            outcome, u = c.step(flat(seen))
+            wanted = lqr.step(0.0, seen)
+            assert outcome == OK
+            assert np.abs(u - wanted).max() < 1e-12 * max(np.abs(wanted).max(), 1.0)
+
+    def test_a_free_structure_that_has_turned(self, free, tmp_path, rng):
+        """Half a turn and ten metres away: the frame takes both back."""
+        from support import rotation
+
+        _, rest, linear = free
+        lqr = tc.lqr(linear)
+        tc.export_c(lqr, tmp_path)
+        c = Compiled(tmp_path / "controller.c", len(linear.inputs))
+        nodes, velocities = random_motion(rest.potential, rng, 0.05, 0.5)
+        here = c.step(flat(shown(rest, nodes, velocities, rest.inputs)))[1]
+        for turn in (np.diag([-1.0, -1.0, 1.0]), rotation(rng), rotation(rng)):
+            seen = shown(rest, nodes @ turn.T + 10.0, velocities @ turn.T + 3.0, rest.inputs)
+            u = c.step(flat(seen))[1]
+            assert np.abs(u - lqr.step(0.0, seen)).max() < 1e-11
+            assert np.abs(u - here).max() < 1e-11
+
+    def test_floors_of_rest_lengths_hold(self, mast, tmp_path):
+        _, rest, linear = mast
+        lqr = tc.lqr(linear)
+        tc.export_c(lqr, tmp_path)
+        c = Compiled(tmp_path / "controller.c", 21)
+        nodes, velocities = random_motion(rest.potential, np.random.default_rng(4), 0.3, 30.0)
+        seen = shown(rest, nodes, velocities, rest.inputs)
+        u, upper = c.step(flat(seen))[1], linear.dynamics.members.input_bounds[1]
+        assert (u <= upper).all()
+        assert (u == upper).sum() == (lqr.step(0.0, seen) == upper).sum() > 3
+
+    @pytest.mark.parametrize("order", [None, 30])
+    def test_lqg(self, mast, tmp_path, order):
+        """Estimates of full and reduced order, over 100 noisy samples."""
+        dynamics, rest, linear = mast
+        eyes = tc.sensors(dynamics.structure, lengths=1e-3, tensions={"t5_*": 0.05}, seed=7)
+        design = tc.lqg(linear, eyes, dt=0.02, order=order)
+        tc.export_c(design, tmp_path)
+        both = Both(design, Compiled(tmp_path / "controller.c", 21))
+        tc.simulate(dynamics, random_motion(rest.potential, np.random.default_rng(1), 0.01, 0.1), controller=both,
+                    t_end=2.0, rate_max=RATE)  # fmt: skip
+        assert len(both.differences) == 101
+        assert max(both.differences) < 1e-11
+
+
+class TestAlone:
+    """What the source asks of the machine that runs it."""
+
+    def test_nothing_is_allocated(self, steered, tmp_path):
+        """Every allocator is renamed at link time to one that nobody has: the program links only if none is called."""
+        folder = steered[2]
+        (tmp_path / "main.c").write_text(
+            '#include "controller.h"\nint main(void) { static double m[TENSCTL_MEASUREMENT], u[TENSCTL_INPUTS];\n'
+            "return tensctl_step(m, u) + (int)tensctl_last().iterations; }\n"
+        )
+        (tmp_path / "other.c").write_text("#include <stdlib.h>\nint main(void) { return malloc(9) == 0; }\n")
+        renamed = [f"-Wl,--wrap={name}" for name in ALLOCATORS]
+        assert links([tmp_path / "main.c", folder / "controller.c"], tmp_path / "main", f"-I{folder}", *renamed)
+        assert not links([tmp_path / "other.c"], tmp_path / "other", *renamed)
+
+    def test_the_sanitizers_find_nothing(self, steered, tmp_path):
+        """The whole run once more under the address and undefined-behaviour sanitizers, to the same commands."""
+        both, _, folder = steered
+        (tmp_path / "main.c").write_text(PLAYER)
+        checked = ["-fsanitize=undefined", "-fno-sanitize-recover=all"]
+        checked += [] if "ziglang" in CC else ["-fsanitize=address"]
+        build([tmp_path / "main.c", folder / "controller.c"], tmp_path / "main", f"-I{folder}", *checked)
+        outcomes, commands = played(tmp_path / "main", np.array(both.measurements[:25]))
+        assert outcomes.tolist() == both.outcomes[:25]
+        assert np.abs(commands - np.array([u for _, u, _ in both.steps[:25]])).max() < 1e-11
+
+    def test_zig_compiles_it_too(self, steered, tmp_path):
+        """A second compiler, from a wheel, has no complaint either."""
+        import sys
+
+        folder = steered[2]
+        command = [sys.executable, "-m", "ziglang", "cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-c"]
+        subprocess.run([*command, str(folder / "controller.c"), "-o", str(tmp_path / "controller.o")], check=True)
+
+    def test_only_the_mathematics_of_c_is_included(self, steered):
+        made = steered[1]
+        lines = [line for line in made.source.splitlines() if line.startswith("#include")]
+        assert lines == ['#include "controller.h"', "#include <math.h>", "#include <string.h>"]
+        assert "#include" not in made.header
+
+    def test_tables_read_back_as_they_were(self, steered):
+        """Decimals of the source are the same doubles."""
+        made = steered[1]
+        table = next(table for table in made.tables if table.name == "tension_block")
+        body = table.declaration.split("{")[1].split("}")[0]
+        assert np.array_equal(np.array([float(word) for word in body.split(",")]), table.values.ravel())
+
+
+class TestWhatIsRefused:
+    def test_a_path(self, tmp_path):
+        scene = shell_scene(pins=["P1_*_1"], target={"height_scale": 1.05}, mpc={"horizon": 3})
+        with pytest.raises(OutputError, match="follows a path"):
+            tc.export_c(design(scene), tmp_path)
+
+    def test_drag_on_a_free_structure(self, tmp_path):
+        _, _, linear = solved(shell_scene(drag={"coefficient": 0.1}))
+        with pytest.raises(OutputError, match="rigid-body rates"):
+            tc.export_c(tc.lqr(linear), tmp_path)
+
+    def test_a_continuous_lqg(self, mast, tmp_path):
+        dynamics, _, linear = mast
+        with pytest.raises(OutputError, match="continuous time"):
+            tc.export_c(tc.lqg(linear, tc.sensors(dynamics.structure, lengths=1e-3)), tmp_path)
+
+    @pytest.mark.parametrize("bound", [0, 2.5])
+    def test_a_bound_that_is_none(self, mast, tmp_path, bound):
+        with pytest.raises(OutputError, match="max_iterations"):
+            tc.export_c(tc.lqr(mast[2]), tmp_path, max_iterations=bound)
+
+    def test_a_place_that_is_none(self, mast, tmp_path):
+        for path in (tmp_path / "nowhere" / "controller.c", tmp_path / "controller.txt"):
+            with pytest.raises(OutputError, match="cannot be written"):
+                tc.export_c(tc.lqr(mast[2]), path)
+
+    def test_a_thing_that_is_no_controller(self, tmp_path):
+        with pytest.raises(OutputError, match="int has no form in C"):
+            tc.export_c(3, tmp_path)
+
+    def test_a_scene_that_leaves_open_which(self):
+        with pytest.raises(SceneError, match="more than one of"):
+            design(shell_scene(lqr={}, mpc={}))
+        with pytest.raises(SceneError, match="none of"):
+            design(shell_scene())
+
+
+def test_the_command_line_writes_both_files(tmp_path):
+    scene = network_scene(
+        {"o": [0, 0, 0], "head": [1.0, 0.2, 0.1], "a": [-1.0, 0, 0], "b": [2, 1, 0], "c": [2, -1, 1]},
+        {"rod": ["o", "head"]}, {"t1": ["head", "a"], "t2": ["head", "b"], "t3": ["head", "c"]}, ["o", "a", "b", "c"],
+        lqr={"dt": 0.02}, tendons={"stiffness": 100.0, "rest_ratio": 0.7},
+    )  # fmt: skip
+    (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+    assert main(["export", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "loop.c")]) == 0
+    Compiled(tmp_path / "loop.c", 3)
+    assert '#include "loop.h"' in (tmp_path / "loop.c").read_text(encoding="utf-8")
