@@ -8,7 +8,8 @@ from linear_support import STEPS, Neighbour
 from support import replaced, shell_scene, solved, taylor_order
 
 import tensctl as tc
-from tensctl.linear.boundary import one_sided
+from tensctl.linear.boundary import _on_edge, one_sided
+from tensctl.statics.stability import unknown_force
 
 LABEL = "t5_1_1"
 
@@ -110,3 +111,35 @@ def test_no_prestress_has_a_taut_model():
 def test_unknown_side(edge):
     with pytest.raises(tc.LinearizationError, match='on_boundary is "tight"; expected one of refuse, taut, slack'):
         inspect.unwrap(one_sided)(edge[1], "tight")
+
+
+class TestWhatDoublePrecisionTells:
+    def stiff(self, ratio):
+        """The (4,1) shell with one kind of tendon stiffer at the same tension."""
+        tendons = {"stiffness": {"*": 100.0, "t5_*": 100.0 * ratio}, "rest_ratio": {"*": 0.8, "t5_*": 1 - 0.2 / ratio}}
+        scene = shell_scene(4, 1, tendons=tendons)
+        return tc.build_dynamics(scene), tc.find_equilibrium(scene)
+
+    def test_a_stiff_tendon_is_as_taut_as_its_tension(self):
+        """Stretches of 1e-10 to 1e-13 of the length; the softest frequency goes to its limit with 1/ratio."""
+        limit = tc.linearize(*self.stiff(1e6)).flexible.modes[0].omega2
+        for ratio in (1e9, 1e12):
+            dynamics, rest = self.stiff(ratio)
+            stretch = (rest.lengths - rest.rest_lengths) / rest.lengths
+            assert 0 < stretch.min() < 1 / ratio
+            linear = tc.linearize(dynamics, rest)
+            assert linear.equilibrium is rest
+            modes = linear.flexible.modes
+            rounding = np.finfo(float).eps * modes[-1].omega2 / modes[0].omega2
+            assert modes[0].omega2 == pytest.approx(limit, rel=1e-5 + rounding)
+
+    @pytest.mark.parametrize("side", [-1, 1])
+    def test_a_tension_below_what_is_unknown_decides_nothing(self, side):
+        dynamics, rest = self.stiff(1e9)
+        k = rest.structure.tendon_labels.index("t5_1_1")
+        assert not _on_edge(rest, rest.lengths - rest.rest_lengths)[k]
+        at = rest.rest_lengths.copy()
+        at[k] = rest.lengths[k]
+        force = unknown_force(replaced(rest, rest_lengths=at).point)
+        at[k] -= side * 1e-3 * force / dynamics.members.stiffness[k]
+        assert _on_edge(replaced(rest, rest_lengths=at), np.abs(rest.lengths - at))[k]

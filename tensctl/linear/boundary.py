@@ -1,5 +1,9 @@
 """Tendons on the slack boundary, l = L: the structure has two linear models there, one on each side.
 
+A tendon stands there when double precision cannot tell its side: k |l - L| is not above what tensions may be wrong by,
+as rounding of the nodes and the residual of the rest leave it. A stiff tendon of moderate tension is taut, however
+small its stretch is beside its length.
+
 A tendon taken as taut or as slack has its rest length moved off the boundary, L = l (1 -+ 2e-14): far enough to be told
 from rounding, and too little to change a force by more than that part of k l. Its stiffness, damper and input are then
 those of the side that was asked for.
@@ -15,13 +19,16 @@ import numpy as np
 
 from tensctl.errors import LinearizationError
 from tensctl.statics import Equilibrium
+from tensctl.statics.stability import unknown_force
 from tensctl.structure import matches
 
 Side = Literal["refuse", "taut", "slack"]
 _SIDES = ("refuse", "taut", "slack")
 
-# A tendon whose stretch is below this part of its length stands on the slack boundary.
-_BOUNDARY = 1e-9
+# A stretch above this part of the length is certain, whatever forces elsewhere are wrong by.
+_CERTAIN = 1e-9
+# A stretch below this part of the length is its rounding.
+_ROUNDING = 1e-14
 # Above the 1e-14 below which a stretch is rounding, and too small for the tension to show as stiffness.
 _ASIDE = 2e-14
 
@@ -42,7 +49,7 @@ def one_sided(equilibrium: Equilibrium, on_boundary: Side | Mapping[str, Side]) 
     labels = equilibrium.structure.tendon_labels
     sides = _sides(labels, on_boundary)
     stretch = equilibrium.lengths - equilibrium.rest_lengths
-    edge = (np.abs(stretch) <= _BOUNDARY * equilibrium.lengths) & ~equilibrium.structure.grounded_tendons
+    edge = _on_edge(equilibrium, np.abs(stretch)) & ~equilibrium.structure.grounded_tendons
     # Where nothing pulls at all and no side is asked for, that itself is what is said.
     refused = edge & (sides == "refuse") & (not equilibrium.point.at_ease)
     if refused.any():
@@ -56,6 +63,16 @@ def one_sided(equilibrium: Equilibrium, on_boundary: Side | Mapping[str, Side]) 
     rest[taut] = np.minimum(rest, equilibrium.lengths * (1 - _ASIDE))[taut]
     rest[slack] = np.maximum(rest, equilibrium.lengths * (1 + _ASIDE))[slack]
     return equilibrium if (rest == equilibrium.rest_lengths).all() else replace(equilibrium, rest_lengths=rest)
+
+
+def _on_edge(equilibrium: Equilibrium, stretch: np.ndarray) -> np.ndarray:
+    """Tendons whose side is not known."""
+    near, rounding = (stretch <= part * equilibrium.lengths for part in (_CERTAIN, _ROUNDING))
+    if not near.any():
+        return near
+    members = equilibrium.potential.members
+    stiffness = members.stiffness if members.law == "k" else members.stiffness / equilibrium.rest_lengths
+    return near & (rounding | (stiffness * stretch <= unknown_force(equilibrium.point)))
 
 
 def _sides(labels: tuple[str, ...], asked: str | Mapping[str, str]) -> np.ndarray:
