@@ -52,6 +52,8 @@ class LinearModel:
         Nodes whose loads are the disturbance inputs.
     drifting : tuple of Mode
         Rigid-body modes of which only the rates are states.
+    condensed : tuple of Mode
+        Modes that are no states and stand where held inputs put them: their static answer is part of D.
     """
 
     dynamics: Dynamics
@@ -60,6 +62,7 @@ class LinearModel:
     outputs_map: OutputMap
     loaded: Int[np.ndarray, " loads"] = field(default_factory=lambda: np.zeros(0, int))
     drifting: tuple[Mode, ...] = ()
+    condensed: tuple[Mode, ...] = ()
 
     @cached_property
     def sparse(self) -> SecondOrder:
@@ -133,8 +136,13 @@ class LinearModel:
 
     @cached_property
     def D(self) -> Float[np.ndarray, "ny nu"]:
-        """Feedthrough: tensions answer to their own rest length at once."""
-        return self.sparse.F.toarray()
+        """Feedthrough: tensions answer to their own rest length at once, condensed modes without delay."""
+        direct = self.sparse.F.toarray()
+        if not self.condensed:
+            return direct
+        shapes = self._shapes_of(self.condensed)
+        omega2 = np.array([mode.omega2 for mode in self.condensed])
+        return direct + (self.outputs_map.position @ shapes / omega2) @ (self.sparse.G.T @ shapes).T
 
     @cached_property
     def stretch(self) -> Float[np.ndarray, "nt modes"]:

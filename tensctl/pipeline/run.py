@@ -233,6 +233,8 @@ def _mpc(results: Results, clock: Clock) -> Results:
             rate_max=asked.rate_max,
             weights=Weights(input=asked.input_weight),
             solver=asked.solver,
+            delay=asked.delay,
+            modes=asked.modes,
             path=results.path,
         )
     return replace(results, mpc=mpc)

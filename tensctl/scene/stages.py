@@ -110,6 +110,8 @@ class MpcStage(Section):
     rate_max: Annotated[float, Number("m/s", above=0)] = 0.5
     input_weight: Annotated[float, Number(above=0)] = 1.0
     solver: Literal["auto", "daqp", "osqp"] = "auto"
+    delay: Annotated[float, Number("s", least=0)] = 0.0
+    modes: Literal["refuse", "truncate"] = "refuse"
 
 
 class TargetStage(Section):

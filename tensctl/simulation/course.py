@@ -38,6 +38,8 @@ class Course:
         Times at which something changes.
     samples, ends : (e,) bool
         At which of them a controller is asked, and a chunk ends.
+    acts : (e,) bool
+        At which of them a command that took its time begins to act.
     plan : Plan
     period : float or None, s
         Of the controller.
@@ -48,6 +50,7 @@ class Course:
     edges: np.ndarray
     samples: np.ndarray
     ends: np.ndarray
+    acts: np.ndarray
     plan: Plan
     period: float | None
     rest: np.ndarray
@@ -62,13 +65,17 @@ def set_out(
     plan = planned(dynamics, request.schedule, actuators, period is not None)
     choice = choose_integrator(dynamics, request.method, request.tol)
     moving = Moving(dynamics, choice, state, actuators, request.loads, times, request.chunk)
-    changes = [Loads(dynamics, request.loads).edges, plan.edges, request.ends]
+    changes = [Loads(dynamics, request.loads).edges, plan.edges, request.ends, _late(times[-1], period, request.delay)]
     edges = _edges(times, np.concatenate(changes), period)
     samples = np.zeros(edges.size, bool) if period is None else _samples(edges, period)
+    acts = np.zeros_like(samples)
+    if period is not None and request.delay > 0:
+        acts = (edges >= request.delay * (1 - 1e-9)) & _samples(edges - request.delay, period)
+    moving.delayed = request.delay > 0
     ends = np.isin(edges, request.ends)
     if ends.sum() < request.ends.size:
         raise SimulationError("two recorded times are one to rounding where a chunk ends; leave one of them out.")
-    return moving, Course(edges, samples, ends, plan, period, rest)
+    return moving, Course(edges, samples, ends, acts, plan, period, rest)
 
 
 def follow(
@@ -78,6 +85,8 @@ def follow(
     """Go from edge to edge; all that happens at edge number `begun` has happened already."""
     edges = course.edges
     for k in range(max(begun, 0), edges.size):
+        if k > begun and course.acts[k] and course.period is not None:
+            moving.act(course.period)
         if k > begun and controller is not None and course.samples[k] and course.period is not None:
             moving.command(controller, edges[k], course.period)
             if progress is not None:
@@ -109,6 +118,14 @@ def _edges(times: np.ndarray, others: np.ndarray, period: float | None) -> np.nd
     nearest = np.where(edges - times[before] <= times[after] - edges, times[before], times[after])
     edges = np.unique(np.where(np.abs(nearest - edges) <= 1e-12 * max(end, 1e-300), nearest, edges))
     return edges[np.concatenate([[True], np.diff(edges) > 1e-12 * max(end, 1e-300)])]
+
+
+def _late(end: float, period: float | None, delay: float) -> np.ndarray:
+    """When commands begin to act that take their time."""
+    if period is None or not delay:
+        return np.zeros(0)
+    times = delay + period * np.arange(control_steps(end, period))
+    return times[times <= end]
 
 
 def _samples(edges: np.ndarray, period: float) -> np.ndarray:

@@ -33,17 +33,27 @@ class Moving:
         self.actuators, self._loads = actuators, Loads(dynamics, loads)
         self._record = Record(times, len(dynamics.structure.rods), len(dynamics.structure.tendons), room)
         self._status, self._told = "", 0
+        self.delayed = False
+        self._due: np.ndarray | None = None
 
     def command(self, controller: Controller, t: float, period: float) -> None:
-        """Ask the controller; from now on rest lengths ramp towards its answer."""
+        """Ask the controller; rest lengths ramp towards its answer from now on, or when it is due."""
         wanted = (self._dynamics.members.gearing.size,)
         u = np.asarray(ask(controller, float(t), period, self._measurement()), float)
         if u.shape != wanted or not np.isfinite(u).all():
             raise SimulationError(f"at {t:g} s the controller gave u of shape {u.shape}; finite {wanted} is expected.")
-        self.actuators.command(u, period)
+        if self.delayed:
+            self._due = u
+        else:
+            self.actuators.command(u, period)
         records = _records(controller)
         self._status = records[-1].status if records else "ok"
         self._record.mark(t, self._status)
+
+    def act(self, period: float) -> None:
+        """From now on rest lengths ramp towards the answer that took its time."""
+        if self._due is not None:
+            self.actuators.command(self._due, period)
 
     def begin(self, t: float) -> None:
         """Record the start, when it is asked for."""
@@ -72,7 +82,8 @@ class Moving:
         """All that the motion from here on depends on."""
         actuators = self.actuators
         carried = {f"integrator.{name}": np.asarray(value) for name, value in carried_by(self._choice.integrator)}
-        return carried | {
+        due = {} if self._due is None else {"due": self._due}
+        return carried | due | {
             "q": self._q, "v": self._v, "rest": actuators.rest, "asked": actuators.asked, "rate": actuators.rate,
         }  # fmt: skip
 
@@ -89,7 +100,7 @@ class Moving:
         if not set(carried.values()) <= set(state):
             raise SimulationError(f"the run was recorded by another version of {integrator.name}; start it again.")
         self._record.turn_to(count)
-        self._q, self._v, self._status = state["q"], state["v"], status
+        self._q, self._v, self._status, self._due = state["q"], state["v"], status, state.get("due")
         self.actuators.rest, self.actuators.asked, self.actuators.rate = (state[k] for k in ("rest", "asked", "rate"))
         for name, value in carried_by(integrator):
             setattr(integrator, name, type(value)(state[carried[name]]))

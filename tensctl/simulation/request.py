@@ -30,6 +30,8 @@ class Request:
         Of the controller.
     chunk : int or None
         Records that go to disk together.
+    delay : float, s
+        From a sample until the controller's command begins to act.
     """
 
     times: np.ndarray
@@ -40,6 +42,7 @@ class Request:
     rate_max: float
     period: float | None
     chunk: int | None = None
+    delay: float = 0.0
 
     @property
     def ends(self) -> np.ndarray:

@@ -1,7 +1,8 @@
 """What then happens: the nonlinear structure over time, alone or under a controller.
 
 The controller is asked every `dt`; rest lengths ramp from where they are to its command, which they reach at the end of
-the period, no faster than `rate_max` and never below their floors; with actuator lag they follow that ramp.
+the period, no faster than `rate_max` and never below their floors; with actuator lag they follow that ramp. A
+controller that has a `delay` needs so long to compute: its commands begin to act that much later.
 
 Integrators stop at edges only: control samples, times at which a load begins, bends or ends, and ends of chunks that go
 to disk. Recorded times in between are filled in, so recording does not change the motion.
@@ -94,6 +95,7 @@ def simulate(
     request = Request(
         _times(t_end, timepts, controller, dt), pushes, schedule, method, tol, rate_max,
         None if controller is None else _period(controller, dt), None if store is None else _whole(chunk),
+        _delay(controller, dt),
     )  # fmt: skip
     nodes, velocities, rest = started(dynamics, start)
     moving, course = set_out(dynamics, request, state_at(dynamics, nodes, velocities), rest)
@@ -147,3 +149,10 @@ def _period(controller: Controller, dt: float | None) -> float:
     if not (np.isfinite(period) and period > 0):
         raise SimulationError(f"the control period dt is {period}; a time > 0 s is expected.")
     return float(period)
+
+
+def _delay(controller: Controller | None, dt: float | None) -> float:
+    delay = 0.0 if controller is None else float(getattr(controller, "delay", 0.0))
+    if controller is not None and not 0 <= delay <= _period(controller, dt):
+        raise SimulationError(f"the controller's delay is {delay} s; a time from 0 to its period is expected.")
+    return delay

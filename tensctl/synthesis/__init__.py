@@ -6,6 +6,7 @@ from tensctl.synthesis.lqg import LQG, lqg
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.mpc import MPC, StepRecord
+from tensctl.synthesis.mpc_output import OutputMPC
 from tensctl.synthesis.path import ShapePath, plan_shape
 from tensctl.synthesis.riccati import Riccati, care, dare
 from tensctl.synthesis.sensors import Reading, Sensors, sensors
@@ -23,6 +24,7 @@ __all__ = [
     "HarmonicLQR",
     "Height",
     "LeftOut",
+    "OutputMPC",
     "Reading",
     "ReducedModel",
     "Riccati",

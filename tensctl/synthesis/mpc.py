@@ -1,7 +1,8 @@
 """Model predictive control of rest lengths: hard limits always, tension floors wherever they can be kept.
 
 The controller follows a reference of equilibria and controls the deviation from it with the linear model of the nearest
-planned equilibrium (`synthesis.condensed` states the problem). Rest lengths reach the command at the end of the period.
+planned equilibrium (`synthesis.condensed` states the problem). Rest lengths reach the command at the end of the period,
+which begins when the computation is over: the state is predicted to then, with the command that is still under way.
 
 A step asks the first solver, judges the answer by its recomputed KKT residual, then asks the next one. When the tension
 floors cannot all be kept, they are relaxed by as little as possible and the step says by how much. Without any
@@ -20,6 +21,7 @@ from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
+from tensctl.linear.propagate import Stretch, stretch
 from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, Weights, condense
 from tensctl.synthesis.limits import Limits
@@ -28,6 +30,7 @@ from tensctl.synthesis.qp import QP, Solution, Solver
 from tensctl.synthesis.qp_solvers import blank, new_solver
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.relaxed import relax
+from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.threads import one_blas_thread
 
 # An answer whose KKT residual is larger is refused.
@@ -71,6 +74,12 @@ class _Piece:
 
     linear: LinearModel
     problem: Condensed
+    delay: float
+
+    @cached_property
+    def until_it_acts(self) -> Stretch:
+        """The model from a sample until the command computed at it begins to act."""
+        return stretch(self.linear, self.delay)
 
     @cached_property
     def solvers(self) -> dict[str, Solver]:
@@ -96,6 +105,11 @@ class MPC:
     weights : Weights
     solver : "auto", "daqp" or "osqp"
         Which solver is asked first; "auto" is DAQP, exact and fastest at control size.
+    delay : float, s
+        From a sample until the command computed at it begins to act, at most a period.
+    modes : "refuse" or "truncate"
+        What becomes of modes beyond the Nyquist frequency: an error that names one, or left out with their static
+        answer kept; `linear.condensed` lists them.
     path : ShapePath, optional
         What to follow; the linear model's equilibrium by default.
 
@@ -117,39 +131,46 @@ class MPC:
         rate_max: float = 0.5,
         weights: Weights | None = None,
         solver: Literal["auto", "daqp", "osqp"] = "auto",
+        delay: float = 0.0,
+        modes: Fast = "refuse",
         path: Reference | None = None,
     ) -> None:
         asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, solver=solver)
         if not np.isfinite(tension_min):
             raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
-        self.linear, self.horizon, self.dt = linear.flexible, asked.horizon, asked.dt
+        if not 0 <= delay <= asked.dt:
+            raise SynthesisError(f"mpc.delay is {delay} s; a time from 0 to dt = {asked.dt:g} s is expected.")
+        self.linear = below_sampling_limit(linear.flexible, asked.dt, modes)
+        self.horizon, self.dt, self.delay = asked.horizon, asked.dt, float(delay)
+        self._fast: Fast = modes
         self.tension_min, self.rate_max = float(tension_min), asked.rate_max
         self.weights = Weights() if weights is None else weights
         self.order = ("osqp", "daqp") if solver == "osqp" else ("daqp", "osqp")
         self.reference: Reference = Hold(linear.equilibrium) if path is None else path
         self._pieces: dict[int, _Piece] = {}
         self._plan: np.ndarray | None = None
+        self._command: np.ndarray | None = None
         self.records: list[StepRecord] = []
         if not self.linear.inputs:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
         _check_size(self.linear, horizon)
-        _check_sampling(self.linear, dt)
         for knot in range(len(self.reference.equilibria)):
             self._piece(knot)
 
     def reset(self) -> None:
         """Forget the last plan and the records."""
-        self._plan = None
+        self._plan = self._command = None
         self.records = []
 
     def state(self) -> dict[str, np.ndarray]:
-        """All that later steps depend on: the last plan, total rest-length changes (N, nu) m; none before the first."""
-        return {} if self._plan is None else {"plan": self._plan}
+        """All that later steps depend on: the last plan (N, nu) m, and a command under way; none before the first."""
+        held = {"plan": self._plan, "command": self._command if self.delay else None}
+        return {name: value for name, value in held.items() if value is not None}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Go on from the last plan; records begin anew."""
         self.reset()
-        self._plan = state.get("plan")
+        self._plan, self._command = state.get("plan"), state.get("command")
 
     @property
     def problem(self) -> Condensed:
@@ -158,7 +179,7 @@ class MPC:
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0 to be reached at t + dt, m; hard limits always hold."""
+        """Total rest-length change u from L0 to be reached at t + delay + dt, m; hard limits always hold."""
         began = perf_counter()
         piece = self._piece(self.reference.knot_at(t))
         limits = self.limits(t, measurement)
@@ -167,7 +188,9 @@ class MPC:
         if relaxed <= _KEPT:
             status, relaxed = status.removesuffix(" relaxed"), 0.0
         self._plan = plan + self._ahead(t)
-        command = self._clipped(plan[0] + self._ahead(t)[0], measurement.inputs)
+        under_way = self._command if self.delay else None
+        now = measurement.inputs if under_way is None else under_way
+        command = self._command = self._clipped(plan[0] + self._ahead(t)[0], now)
         self.records.append(StepRecord(t, status, perf_counter() - began, kkt, relaxed))
         return command
 
@@ -185,15 +208,17 @@ class MPC:
         """Start and bounds of the problem at time t."""
         piece = self._piece(self.reference.knot_at(t))
         linear, members = piece.linear, self.linear.dynamics.members
-        here = linear.state_of(self.reference.nodes_at(t), self.reference.velocities_at(t))
-        state = linear.state_of(measurement.nodes, measurement.velocities) - here
+        acts, rest = t + self.delay, linear.equilibrium.inputs
+        here = linear.state_of(self.reference.nodes_at(acts), self.reference.velocities_at(acts))
+        state = linear.state_of(measurement.nodes, measurement.velocities)
+        state, inputs = self._when_it_acts(piece, state, measurement.inputs - rest)
         ahead = self._ahead(t)
-        before = np.vstack([self.reference.inputs_at(t), ahead[:-1]])
+        before = np.vstack([self.reference.inputs_at(acts), ahead[:-1]])
         margin = self.reference.tensions_at(self._times(t))[:, piece.problem.tendons] - self.tension_min
         reach = self._reach
         lower, upper = members.input_bounds
         return Limits(
-            start=np.concatenate([state, measurement.inputs - before[0]]),
+            start=np.concatenate([state - here, inputs + rest - before[0]]),
             tension_margin=margin / piece.problem.tension_scale,
             input_lower=lower - ahead,
             input_upper=upper - ahead,
@@ -201,13 +226,22 @@ class MPC:
             change_upper=reach - (ahead - before),
         )
 
+    def _when_it_acts(self, piece: _Piece, state: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """State and inputs, deviations from the model's equilibrium, when the next command begins to act."""
+        if not self.delay:
+            return state, inputs
+        way, coming = piece.until_it_acts, inputs
+        if self._command is not None:
+            coming = self._command - piece.linear.equilibrium.inputs
+        return way.F @ state + way.G0 @ inputs + way.G1 @ coming, coming
+
     @cached_property
     def _reach(self) -> Float[np.ndarray, " nu"]:
         """How far each input may go in a period, m: its fastest tendon keeps the rate limit."""
         return self.rate_max * self.dt / self.linear.dynamics.members.gearing.largest
 
     def _times(self, t: float) -> np.ndarray:
-        return t + self.dt * np.arange(1, self.horizon + 1)
+        return t + self.delay + self.dt * np.arange(1, self.horizon + 1)
 
     def _ahead(self, t: float) -> Float[np.ndarray, "N nu"]:
         """Reference inputs at the ends of the coming periods."""
@@ -222,7 +256,8 @@ class MPC:
             linear = self.linear
             if equilibrium is not linear.equilibrium:
                 linear = linearize(linear.dynamics, equilibrium, outputs=()).flexible
-            piece = _Piece(linear, condense(linear, self.horizon, self.dt, self.weights))
+                linear = below_sampling_limit(linear, self.dt, self._fast)
+            piece = _Piece(linear, condense(linear, self.horizon, self.dt, self.weights), self.delay)
             self._solver(piece, self.order[0], "")
             self._pieces[knot] = piece
         return self._pieces[knot]
@@ -271,13 +306,4 @@ def _check_size(linear: LinearModel, horizon: int) -> None:
         raise SynthesisError(
             f"mpc.horizon = {horizon} with {len(linear.inputs)} inputs makes {variables} variables; the problem "
             f"takes at most {_LARGEST}, so shorten the horizon or choose fewer actuators.tendons."
-        )
-
-
-def _check_sampling(linear: LinearModel, dt: float) -> None:
-    fastest = max(linear.modes, key=lambda mode: mode.omega2, default=None)
-    if fastest is not None and np.sqrt(max(fastest.omega2, 0.0)) * dt >= np.pi:
-        raise SynthesisError(
-            f"mpc.dt = {dt:g} s is too long for mode {fastest.index} at {fastest.frequency:.3g} Hz; "
-            f"take dt below {0.5 / fastest.frequency:.2g} s."
         )

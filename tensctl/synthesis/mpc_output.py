@@ -1,0 +1,273 @@
+"""Predictive control from what sensors read, without offset where the inputs can reach.
+
+    estimate   (x, d) by the filter of `synthesis.offset_filter`, d the disturbances of `synthesis.disturbance`
+    target     (x_s, u_s) at rest under d, `synthesis.steady_target`
+    problem    that of `synthesis.condensed` in e = x - x_s and v = u - u_s,   T = T_rest + C x + D u + C_d d
+
+One linear model is used, about the equilibrium of `linear`; a path moves what is wanted, and the disturbances take up
+what the model misses on the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+from tensctl.linear import LinearModel, sample_ramped
+from tensctl.structure.labels import matches
+from tensctl.synthesis.condensed import Weights
+from tensctl.synthesis.disturbance import Disturbed, disturbed
+from tensctl.synthesis.limits import Limits
+from tensctl.synthesis.mpc import MPC
+from tensctl.synthesis.offset_filter import Estimate, OffsetFilter, offset_filter
+from tensctl.synthesis.reference import Hold, Reference
+from tensctl.synthesis.sensors import Reading, Sensors
+from tensctl.synthesis.steady_target import SteadyTarget, Target
+from tensctl.threads import one_blas_thread
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What a reading says."""
+
+    reading: Reading
+    estimate: Estimate
+    target: Target
+
+
+class OutputMPC(MPC):
+    """Predictive controller that is shown what its sensors read; `step` gives the total rest-length change u.
+
+    Parameters
+    ----------
+    linear : LinearModel
+    sensors : Sensors
+    track : pattern or sequence of patterns, optional
+        Labels of the sensors whose values are to be reached (`l_*`, `l_t5_1_1`, `P4_1_1_z`); all lengths and positions
+        by default, all tensions where nothing else is measured.
+    force_noise : float, N s^1/2
+        Root of the intensity of white forces on the nodes that the filter expects; much of it takes what is constant
+        for noise, and the offset goes slowly.
+    drift : float, 1/s^1/2
+        How far each disturbance wanders in a second, in deviations of the sensors that show it; larger is faster and
+        noisier.
+    path : Reference, optional
+        What to follow; the linear model's equilibrium by default.
+    horizon, dt, tension_min, rate_max, weights, solver, delay, modes
+        As `MPC` has them.
+
+    Raises
+    ------
+    SceneError, SynthesisError
+        As `MPC`; a rank condition that fails, or a pattern that names no sensor.
+    """
+
+    def __init__(
+        self,
+        linear: LinearModel,
+        sensors: Sensors,
+        *,
+        track: str | tuple[str, ...] | None = None,
+        force_noise: float = 0.001,
+        drift: float = 1.0,
+        horizon: int = 20,
+        dt: float = 0.02,
+        tension_min: float = 0.1,
+        rate_max: float = 0.5,
+        weights: Weights | None = None,
+        solver: Literal["auto", "daqp", "osqp"] = "auto",
+        delay: float = 0.0,
+        modes: Literal["refuse", "truncate"] = "refuse",
+        path: Reference | None = None,
+    ) -> None:
+        super().__init__(
+            linear, horizon=horizon, dt=dt, tension_min=tension_min, rate_max=rate_max, weights=weights,
+            solver=solver, delay=delay, modes=modes,
+        )  # fmt: skip
+        if not (np.isfinite(drift) and drift > 0):
+            raise SynthesisError(f"drift is {drift}; a number > 0 is expected, deviations of a sensor in a second.")
+        self.sensors = sensors
+        self.wanted: Reference = Hold(linear.equilibrium) if path is None else path
+        self.model: Disturbed = disturbed(self.linear, sensors, self.dt)
+        self.model.verify()
+        self.filter: OffsetFilter = offset_filter(self.model, force_noise, drift)
+        self.tracked = _tracked(sensors, track)
+        self._memory: tuple[Estimate, np.ndarray] | None = None
+        self._looked: _Look | None = None
+
+    @property
+    def estimate(self) -> Estimate:
+        """The filter's estimate after the last step, with counts of missing and refused values."""
+        return self.filter.begin() if self._memory is None else self._memory[0]
+
+    @property
+    def target(self) -> Target | None:
+        """Where the last step wanted to rest; None before the first."""
+        return None if self._looked is None else self._looked.target
+
+    def reset(self) -> None:
+        """Forget the estimate, the last plan and the records: the structure is at its equilibrium."""
+        super().reset()
+        self._memory = self._looked = None
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The last plan, estimate, inputs and target."""
+        if self._memory is None or self._looked is None:
+            return super().state()
+        e, target = self._memory[0], self._looked.target
+        held = {
+            "mean": e.mean, "absurd": e.absurd, "counts": np.array([e.missing, e.rejected]), "inputs": self._memory[1],
+            "target": np.concatenate([target.inputs, [target.missed, target.relaxed]]), "target_state": target.state,
+        }  # fmt: skip
+        # Always there, empty while it is the constant one: a stored run keeps what is not written anew.
+        return super().state() | held | {"covariance": np.zeros((0, 0)) if e.covariance is None else e.covariance}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from this estimate; records begin anew."""
+        super().restore(state)
+        if "mean" not in state:
+            return
+        missing, rejected = (int(k) for k in state["counts"])
+        covariance = state["covariance"] if state["covariance"].size else None
+        estimate = Estimate(state["mean"], covariance, state["absurd"], missing, rejected)
+        self._memory = estimate, state["inputs"]
+        missed, relaxed = (float(x) for x in state["target"][-2:])
+        target = Target(state["target_state"], state["target"][:-2], missed, relaxed)
+        self._looked = _Look(Reading(np.zeros(0), state["inputs"]), estimate, target)
+
+    @one_blas_thread()
+    def step(self, t: float, measurement: Any) -> Float[np.ndarray, " nu"]:
+        """Total rest-length change u from L0, m; hard limits always hold.
+
+        Parameters
+        ----------
+        measurement : Reading
+            What the sensors show; NaN stands for what is missing.
+
+        Raises
+        ------
+        SynthesisError
+            When anything but a reading of these sensors is shown.
+        """
+        self._refuse_others(measurement)
+        command = super().step(t, measurement)
+        assert self._looked is not None
+        self._memory = self._looked.estimate, measurement.inputs - self.linear.equilibrium.inputs
+        return command
+
+    def _refuse_others(self, measurement: object) -> None:
+        if not isinstance(measurement, Reading) or measurement.values.shape != self.sensors.noise.shape:
+            raise SynthesisError(
+                f"this MPC is shown what its {self.sensors.noise.size} sensors read; "
+                "give step(t, mpc.sensors.read(measurement, sample))."
+            )
+
+    def limits(self, t: float, measurement: Any) -> Limits:
+        """Start and bounds of the problem at time t, about the target."""
+        look = self._look(t, measurement)
+        nx, target, problem = len(self.linear.A), look.target, self.problem
+        d, rest = look.estimate.mean[nx:], self.linear.equilibrium
+        piece = self._piece(0)
+        state, inputs = self._when_it_acts(piece, look.estimate.mean[:nx], measurement.inputs - rest.inputs)
+        state = state + self._carried @ d
+        at_rest = np.concatenate([target.state, target.inputs])
+        margin = self._margin + problem.tension @ at_rest + self._tension_shown @ d
+        ahead, start = self._ahead(t), np.concatenate([state, inputs]) - at_rest
+        lower, upper = self.linear.dynamics.members.input_bounds
+        reach = np.broadcast_to(self._reach, ahead.shape)
+        return Limits(
+            start, np.broadcast_to(margin, (self.horizon, margin.size)), lower - ahead, upper - ahead, -reach, reach
+        )
+
+    def _ahead(self, t: float) -> Float[np.ndarray, "N nu"]:
+        """Inputs of the target, for the whole horizon."""
+        assert self._looked is not None
+        return np.tile(self.linear.equilibrium.inputs + self._looked.target.inputs, (self.horizon, 1))
+
+    def _look(self, t: float, reading: Reading) -> _Look:
+        """Estimate and target of a reading; the controller's memory stays as it is."""
+        if self._looked is None or self._looked.reading is not reading:
+            estimate = self._estimated(reading)
+            self._looked = _Look(reading, estimate, self._rest_under(t, estimate))
+        return self._looked
+
+    def _estimated(self, reading: Reading) -> Estimate:
+        rest = self.linear.equilibrium
+        u, y = reading.inputs - rest.inputs, reading.values - self.sensors.of(rest)
+        if self._memory is None:
+            before = self.filter.begin()
+            return self.filter.update(before, before.mean, y, u)
+        before, inputs = self._memory
+        return self.filter.update(before, self.filter.predict(before, inputs, u), y, u)
+
+    def _rest_under(self, t: float, estimate: Estimate) -> Target:
+        rest, when = self.linear.equilibrium, t + self.delay + self.dt
+        lower, upper = (bound - rest.inputs for bound in self.linear.dynamics.members.input_bounds)
+        target = self._programme.at(
+            estimate.mean[len(self.linear.A) :],
+            self._wanted_at(when),
+            self.wanted.inputs_at(when) - rest.inputs,
+            (np.maximum(lower, -self._longest), upper),
+            self._margin,
+        )
+        if target is not None:
+            return target
+        if self._looked is not None:
+            return self._looked.target
+        return Target(np.zeros(len(self.linear.A)), np.zeros(upper.size), np.nan, np.nan)
+
+    def _wanted_at(self, t: float) -> np.ndarray:
+        """Deviation of what is tracked from the equilibrium's."""
+        rest, s = self.linear.equilibrium, self.sensors
+        nodes = self.wanted.nodes_at(t)
+        shown = np.concatenate([
+            s.structure.lengths_at(nodes)[s.lengths], self.wanted.tensions_at(t)[s.tensions], nodes.ravel()[s.positions]
+        ])  # fmt: skip
+        return (shown - s.of(rest))[self.tracked]
+
+    @cached_property
+    def _longest(self) -> float:
+        """No target pays out more than the longest tendon, m: what cannot be reached asks for no more."""
+        return float(self.linear.equilibrium.lengths.max())
+
+    @cached_property
+    def _margin(self) -> Float[np.ndarray, " nT"]:
+        """Tensions of the equilibrium above the floor, scaled, m."""
+        problem = self.problem
+        return (self.linear.equilibrium.tensions[problem.tendons] - self.tension_min) / problem.tension_scale
+
+    @cached_property
+    def _tension_shown(self) -> Float[np.ndarray, "nT nd"]:
+        """What sensors of tension are believed to miss, scaled, m."""
+        problem, measured = self.problem, self.sensors.tensions
+        first = self.sensors.lengths.size
+        rows = np.zeros((len(self.linear.dynamics.structure.tendons), self.model.shown.shape[1]))
+        rows[measured] = self.model.shown[first : first + measured.size]
+        return rows[problem.tendons] / problem.tension_scale[:, None]
+
+    @cached_property
+    def _programme(self) -> SteadyTarget:
+        return SteadyTarget(self.model, self.tracked, self.problem.tension, self._tension_shown)
+
+    @cached_property
+    def _carried(self) -> Float[np.ndarray, "nx nd"]:
+        """What constant disturbances do until a command acts."""
+        if not self.delay:
+            return np.zeros_like(self.model.force)
+        held = sample_ramped(self.linear.A, self.model.force, self.delay)
+        return held.G0 + held.G1
+
+
+def _tracked(sensors: Sensors, track: str | tuple[str, ...] | None) -> np.ndarray:
+    """Which sensors are to reach what is wanted."""
+    if track is not None:
+        patterns = (track,) if isinstance(track, str) else track
+        return np.unique([k for pattern in patterns for k in matches(sensors.labels, pattern, "track")])
+    first, last = sensors.lengths.size, sensors.lengths.size + sensors.tensions.size
+    shape = np.r_[0:first, last : sensors.noise.size]
+    return shape if shape.size else np.arange(sensors.noise.size)

@@ -1,0 +1,118 @@
+"""Where to rest under the disturbances that are estimated: the target of offset-free control.
+
+    minimise    |N_z^-1 (G u + G_d d - r)|^2 + rho (u - u_r)'R(u - u_r)
+    subject to  rest lengths within their bounds,   tensions at rest >= tension_min
+
+G and G_d are the static gains to what is tracked, r is what is wanted. What cannot be reached is approached in least
+squares of the tracked sensors' noise; rho decides only among inputs that do the same, as change of prestress does.
+Tension floors that cannot be kept give way by the least, as in a control step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.synthesis.disturbance import Disturbed
+from tensctl.synthesis.qp import QP, Solver
+from tensctl.synthesis.qp_daqp import DaqpSolver
+from tensctl.synthesis.relaxed import relax
+from tensctl.synthesis.weights import input_stiffness
+
+# Weight of the inputs over the steepest tracked direction: an offset of 1e-8 over the square of a direction's gain
+# relative to the best one, 1e-6 at a tenth; the conditioning of H is its inverse.
+_RHO = 1e-8
+_ACCEPT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A state at rest.
+
+    Attributes
+    ----------
+    state : (nx,)
+    inputs : (nu,) m
+        Deviations from the equilibrium's inputs.
+    missed : float
+        What stays between it and the wish, root mean square in units of the tracked sensors' noise.
+    relaxed : float, m
+        Elongation by which the worst tension floor gives way.
+    """
+
+    state: Float[np.ndarray, " nx"]
+    inputs: Float[np.ndarray, " nu"]
+    missed: float
+    relaxed: float
+
+
+class SteadyTarget:
+    """The programme of one model; only vectors change from step to step.
+
+    Parameters
+    ----------
+    model : Disturbed
+    tracked : (nz,) int
+        Sensors whose values are to be reached.
+    tension : (nT, nx + nu), tension_disturbed : (nT, nd)
+        Scaled tension maps, m.
+    """
+
+    def __init__(
+        self, model: Disturbed, tracked: np.ndarray, tension: np.ndarray, tension_disturbed: np.ndarray
+    ) -> None:
+        by_input, by_disturbance = model.rest
+        nx = len(by_input)
+        noise = model.sensors.noise[tracked, None]
+        self.model, self.tracked = model, tracked
+        self.gain = (model.C @ by_input + model.D)[tracked] / noise
+        self.disturbed = (model.C @ by_disturbance + model.shown)[tracked] / noise
+        self._tension_disturbed = tension[:, :nx] @ by_disturbance + tension_disturbed
+        rows = tension[:, :nx] @ by_input + tension[:, nx:]
+        weight = input_stiffness(model.linear)
+        self._rho = _RHO * np.linalg.norm(self.gain, 2) ** 2 * np.diag(weight / weight.max())
+        # A metre of rest length counts the steepest gain: H is of size one.
+        self._scale = 1.0 / np.linalg.norm(self.gain, 2) ** 2
+        H = self._scale * (self.gain.T @ self.gain + self._rho)
+        self._H, self._rows = 0.5 * (H + H.T), np.vstack([rows, np.eye(len(weight))])
+        self._solvers: dict[bool, Solver] = {}
+
+    def at(
+        self, d: np.ndarray, wanted: np.ndarray, near: np.ndarray, bounds: tuple[np.ndarray, np.ndarray],
+        margin: np.ndarray,
+    ) -> Target | None:  # fmt: skip
+        """The target under d, or None when no solver's answer is acceptable.
+
+        Parameters
+        ----------
+        wanted : (nz,)
+            Deviation of what is tracked from the equilibrium's.
+        near : (nu,) m
+            Inputs u_r to stay near to.
+        bounds : two of (nu,) m
+        margin : (nT,) m
+            Tensions of the equilibrium above the floor, scaled.
+        """
+        gap = self.disturbed @ d - wanted / self.model.sensors.noise[self.tracked]
+        f = self._scale * (self.gain.T @ gap - self._rho @ near)
+        floor = -margin - self._tension_disturbed @ d
+        qp = QP(
+            self._H, f, self._rows, np.concatenate([bounds[0], floor, bounds[0]]),
+            np.concatenate([bounds[1], np.full(floor.size, np.inf), bounds[1]]),
+        )  # fmt: skip
+        for gives_way in (False, True):
+            asked = relax(qp, 1) if gives_way else qp
+            if gives_way not in self._solvers:
+                self._solvers[gives_way] = DaqpSolver(asked)
+            found = self._solvers[gives_way].solve(asked)
+            if found.z is not None and found.kkt <= _ACCEPT:
+                u = np.clip(found.z[: near.size], *bounds)
+                missed = self.gain @ u + gap
+                by_input, by_disturbance = self.model.rest
+                return Target(
+                    by_input @ u + by_disturbance @ d, u, float(np.sqrt(np.mean(missed**2))),
+                    float((floor - self._rows[: floor.size] @ u).max(initial=0.0)) if gives_way else 0.0,
+                )  # fmt: skip
+        return None

@@ -1,0 +1,158 @@
+"""Predictive control from sensors: the filter against dense equations, no offset with a wrong model, faults."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from support import shell_scene
+from test_mpc import Rough
+
+import tensctl as tc
+from tensctl.synthesis.disturbance import disturbed
+from tensctl.synthesis.offset_filter import offset_filter
+from tensctl.synthesis.sensors import Reading
+
+DT = 0.02
+
+
+@pytest.fixture(scope="module")
+def eyes(mast):
+    return tc.sensors(mast[0].structure, lengths=1e-4, tensions=1e-2, seed=1)
+
+
+@pytest.fixture(scope="module")
+def wrong(mast):
+    """The mast with every stiffness 5 % off, at random up or down."""
+    rest, labels = mast[0].members.rest_lengths, mast[0].structure.tendon_labels
+    off = np.random.default_rng(0).choice([-0.05, 0.05], len(labels))
+    stiffness = dict(zip(labels, (100 * (1 + off)).tolist(), strict=True))
+    rest_length = dict(zip(labels, rest.tolist(), strict=True))
+    return tc.build_dynamics(shell_scene(pins=["P1_*_1"], tendons={"stiffness": stiffness, "rest_length": rest_length}))
+
+
+def late_errors(mast, dynamics, controller, **options):
+    """Largest node error over the last 3 s, and of the mean over them."""
+    nodes = mast[1].nodes
+    run = tc.simulate(dynamics, (nodes, 0 * nodes), controller=controller, t_end=10.0, **options)
+    mean = np.linalg.norm(run.nodes[-150:].mean(axis=0) - nodes, axis=1).max()
+    return run.distance_to(nodes)[-150:].max(), mean
+
+
+class TestNoOffset:
+    def test_wrong_stiffness(self, mast, eyes, wrong):
+        worst, mean = late_errors(mast, wrong, tc.OutputMPC(mast[2], eyes, horizon=10, tension_min=0.5))
+        assert worst < 1e-3
+        assert mean < 1e-4
+
+    def test_without_disturbances_it_stays(self, mast, eyes, wrong):
+        """The same controller whose disturbances do not move: what the other one takes away is there."""
+        _, mean = late_errors(mast, wrong, tc.OutputMPC(mast[2], eyes, horizon=10, tension_min=0.5, drift=1e-7))
+        assert mean > 5e-3
+
+
+class TestModel:
+    def test_rank_condition(self, mast, eyes):
+        model = disturbed(mast[2].flexible, eyes, DT)
+        model.verify()
+        assert model.forces == 20
+        assert model.shown.shape == (48, 48)
+
+    def test_each_disturbance_shows_as_one_deviation_at_rest(self, mast, eyes):
+        """They show in orthogonal directions of the sensors in units of noise."""
+        model = disturbed(mast[2].flexible, eyes, DT)
+        seen = (model.C @ model.rest[1] + model.shown) / eyes.noise[:, None]
+        assert np.abs(seen.T @ seen - np.eye(48)).max() < 1e-9
+
+
+class TestFilter:
+    @pytest.fixture(scope="class")
+    def found(self, mast, eyes):
+        return offset_filter(disturbed(mast[2].flexible, eyes, DT), 0.01, 1.0)
+
+    def test_missing_rows_against_the_information_form(self, found, rng):
+        """The posterior of a Gaussian: P^-1 + H'V^-1 H, and its mean, with the rows that are there only."""
+        y = 1e-3 * rng.standard_normal(48)
+        y[rng.random(48) < 0.4] = np.nan
+        there = np.isfinite(y)
+        before, mean, u = found.begin(), 1e-3 * rng.standard_normal(90), np.zeros(21)
+        after = found.update(before, mean, y, u)
+        H, noise = found.model.H[there], found.model.sensors.noise[there]
+        information = np.linalg.inv(found.constant.X) + (H.T / noise**2) @ H
+        P = np.linalg.inv(information)
+        wanted = mean + P @ (H.T @ ((y[there] - H @ mean) / noise**2))
+        ahead = found.model.F @ P @ found.model.F.T + found.W
+        assert after.missing == (~there).sum()
+        assert after.rejected == 0
+        assert np.abs(after.mean - wanted).max() < 1e-6 * np.abs(wanted).max()
+        assert np.abs(after.covariance - ahead).max() < 1e-6 * np.abs(ahead).max()
+
+    def test_silence_lets_the_covariance_grow_and_speech_brings_it_back(self, found):
+        silent, u = np.full(48, np.nan), np.zeros(21)
+        after = found.update(found.begin(), np.zeros(90), silent, u)
+        wanted = found.model.F @ found.constant.X @ found.model.F.T + found.W
+        assert np.abs(after.covariance - wanted).max() < 1e-12 * np.abs(wanted).max()
+        for _ in range(3000):
+            after = found.update(after, found.predict(after, u, u), np.zeros(48), u)
+            if after.covariance is None:
+                break
+        assert after.covariance is None
+
+    def test_one_absurd_value_is_refused_and_a_lasting_one_believed(self, found):
+        u, y = np.zeros(21), np.zeros(48)
+        y[3] = 1.0
+        after = found.update(found.begin(), np.zeros(90), y, u)
+        assert after.rejected == 1
+        assert np.abs(after.mean).max() < 1e-12
+        for _ in range(8):
+            after = found.update(after, found.predict(after, u, u), y, u)
+        assert after.rejected == 5
+
+
+@dataclass(frozen=True, eq=False)
+class Faulty(tc.Sensors):
+    """Sensors that drop values, fall silent and shout."""
+
+    def read(self, state, sample):
+        reading = super().read(state, sample)
+        rng, values = np.random.default_rng([9, sample]), reading.values.copy()
+        values[rng.random(values.size) < 0.1] = np.nan
+        values[rng.random(values.size) < 0.01] = 1e6
+        return Reading(np.full_like(values, np.nan) if sample % 50 > 46 else values, reading.inputs)
+
+
+def test_faults_pushes_and_a_reference_that_cannot_be_reached(mast, eyes, wrong):
+    dynamics, rest, linear = mast
+    faulty = Faulty(**vars(eyes))
+    controller = tc.OutputMPC(linear, faulty, horizon=5, path=Rough(rest, 0))
+    rng = np.random.default_rng(4)
+    pushes = [tc.Push("P4_*", 10 * rng.standard_normal(3), 0.4 * k, 0.4 * k + 0.05) for k in range(8)]
+    run = tc.simulate(wrong, (rest.nodes, 0 * rest.nodes), controller=controller, t_end=4.0, pushes=pushes)
+    assert np.isfinite(run.nodes).all()
+    assert controller.estimate.missing > 48 * 10
+    assert controller.estimate.rejected > 10
+    assert controller.target.missed > 1
+    assert (run.rest_lengths >= dynamics.members.floors * (1 - 1e-12)).all()
+    rates = np.abs(np.diff(run.rest_lengths, axis=0)) / np.diff(run.time)[:, None]
+    assert rates.max() <= controller.rate_max * (1 + 1e-9)
+
+
+def test_goes_on_from_what_it_remembers(mast, eyes):
+    """With a measurement missing on the way, so that the covariance is on the way too."""
+    first, second = (tc.OutputMPC(mast[2], eyes, horizon=3, delay=0.5 * DT) for _ in range(2))
+    for k in range(6):
+        reading = eyes.read(mast[1], k)
+        if k == 2:
+            reading.values[5] = np.nan
+        if k == 4:
+            second.reset()
+            second.restore({name: np.array(value) for name, value in first.state().items()})
+        answer = first.step(DT * k, reading)
+        if k >= 4:
+            assert (second.step(DT * k, reading) == answer).all()
+
+
+def test_refused(mast, eyes):
+    with pytest.raises(tc.SynthesisError, match="48 sensors read"):
+        tc.OutputMPC(mast[2], eyes, horizon=2).step(0.0, mast[1])
+    with pytest.raises(tc.SynthesisError, match="drift is 0"):
+        tc.OutputMPC(mast[2], eyes, horizon=2, drift=0)
