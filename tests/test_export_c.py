@@ -277,7 +277,7 @@ class TestAlone:
         assert not links([tmp_path / "other.c"], tmp_path / "other", *renamed)
 
     def test_the_sanitizers_find_nothing(self, steered, tmp_path):
-        """The first steps of the run, relaxed ones too, under the address and undefined-behaviour sanitizers, to the same commands."""
+        """The first steps of the run, under the address and undefined-behaviour sanitizers, to the same commands."""
         both, _, folder = steered
         (tmp_path / "main.c").write_text(PLAYER)
         checked = ["-fsanitize=undefined", "-fno-sanitize-recover=all"]
