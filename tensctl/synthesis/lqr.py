@@ -22,6 +22,7 @@ from tensctl.synthesis.checked import checked_cost
 from tensctl.synthesis.crossed import optimal, residual
 from tensctl.synthesis.feedback import Measured, command
 from tensctl.synthesis.lqr_sampled import SampledLQR, sampled_lqr
+from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.stabilisable import LeftOut, stabilisable
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
@@ -82,6 +83,12 @@ class LQR:
     def slowest(self) -> float:
         """Real part of the slowest pole, 1/s; negative when the loop is stable."""
         return float(np.real(self.poles).max(initial=-np.inf))
+
+    @cached_property
+    def sensitivity(self) -> Sensitivity:
+        """From what disturbs the plant's inputs to these, in continuous time."""
+        T = self.basis
+        return Sensitivity(T.T @ (self.A - self.B @ self.K) @ T, T.T @ self.B, -self.K @ T, None)
 
     def reset(self) -> None:
         """Nothing to forget."""

@@ -1,0 +1,73 @@
+"""H-infinity norms: known peaks, narrow ones, dense sweeps, and the margins that follow."""
+
+import control
+import mpmath
+import numpy as np
+import pytest
+import scipy.linalg as sla
+
+import tensctl as tc
+from tensctl.synthesis.hinf import System, hinf
+from tensctl.synthesis.margins import Sensitivity
+
+
+def oscillators(zeta, rng):
+    """Five modes, two of them equal and one close to them."""
+    w = np.array([1, 1, 1.0001, 30.0, 400.0])
+    A = np.block([[np.zeros((5, 5)), np.diag(w)], [-np.diag(w), -np.diag(2 * zeta * w)]])
+    return A, rng.standard_normal((10, 2)), rng.standard_normal((2, 10))
+
+
+@pytest.mark.parametrize("zeta", ["0.3", "1e-3", "1e-6"])
+def test_one_oscillator_in_mpmath(zeta):
+    """|1/(s^2 + 2 zeta s + 1)| peaks at 1/(2 zeta sqrt(1 - zeta^2))."""
+    z = mpmath.mpf(zeta)
+    exact = float(1 / (2 * z * mpmath.sqrt(1 - z**2)))
+    found = hinf(System(np.array([[0.0, 1], [-1, -2 * float(z)]]), np.eye(2)[:, 1:], np.eye(2)[:1], np.zeros((1, 1))))
+    assert found.low <= exact * (1 + 1e-9)
+    assert exact <= found.high * (1 + 1e-9)
+    assert found.high < found.low * (1 + 1e-5)
+
+
+@pytest.mark.parametrize("dt", [None, 0.001, 0.1])
+@pytest.mark.parametrize("zeta", [1e-2, 1e-5])
+def test_no_sweep_finds_more(zeta, dt, rng):
+    A, B, C = oscillators(zeta, rng)
+    system = System(A if dt is None else sla.expm(A * dt), B, C, 0.1 * np.eye(2), dt)
+    found = hinf(system)
+    offsets = np.concatenate([-np.geomspace(1e-9, 0.5, 200), np.geomspace(1e-9, 0.5, 200)])
+    sweep = np.concatenate([w * (1 + offsets) for w in (1.0, 1.0001, 30.0)])
+    largest = max(system.gain(w) for w in sweep if dt is None or w * dt < np.pi)
+    assert largest <= found.high
+    assert found.low == pytest.approx(system.gain(found.omega), rel=1e-12)
+    assert found.high < found.low * (1 + 1e-4)
+
+
+def test_a_bad_start_is_left():
+    """Crossings of the level, not the start, decide: a peak of width 1e-5 far from it is found."""
+    A = np.array([[0.0, 1], [-1, -2e-5]])
+    found = hinf(System(A, np.eye(2)[:, 1:], np.eye(2)[:1], np.zeros((1, 1))), start=0.1)
+    assert found.low == pytest.approx(5e4, rel=1e-5)
+
+
+def test_margin_agrees_with_python_control():
+    plant = control.ss(control.tf([2.0], [1, 3, 3, 1]))
+    low, high = Sensitivity(plant.A - plant.B @ plant.C, plant.B, -plant.C, None).enclosure()
+    swept = float(np.asarray(control.disk_margins(plant, np.geomspace(1e-2, 1e2, 20000))[0]).ravel()[0])
+    assert low * (1 - 1e-6) <= swept <= high * (1 + 1e-4)
+
+
+@pytest.mark.parametrize("dt", [None, 0.02])
+def test_encloses_the_margin_of_lqg(mast, dt):
+    design = tc.lqg(mast[2], tc.sensors(mast[0].structure, lengths=1e-3), dt=dt)
+    low, high = design.loop.sensitivity.enclosure()
+    assert low <= design.margins[0].alpha * (1 + 1e-9)
+    assert high == pytest.approx(low, rel=1e-4)
+
+
+def test_lqr_keeps_its_guarantee(mast):
+    """Return difference: R^1/2 S R^-1/2 is at most 1 at every frequency."""
+    design = tc.lqr(mast[2])
+    root = np.sqrt(np.diag(design.R))
+    for w in np.geomspace(1e-1, 1e4, 200):
+        assert np.linalg.norm(root[:, None] * design.sensitivity.at(w) / root, 2) <= 1 + 1e-9
