@@ -1,13 +1,12 @@
-"""Riccati equations: error against run time, shells in harmonics, and extreme cases.
+"""Riccati equations of shells in harmonics, and extreme cases.
 
-python benchmarks/riccati.py            # all tables, printed and written into docs/riccati.md, and the plot: 8 minutes
-python benchmarks/riccati.py --quick    # up to 200 states and (8,4), printed only
+python benchmarks/riccati.py            # both tables, printed and written into docs/riccati.md
+python benchmarks/riccati.py --quick    # the smallest shells, printed only
 
-Times are processor times with one BLAS thread. SLICOT joins when slycot is installed.
+Times are processor times with one BLAS thread. Other solvers stand beside this one in riccati_solvers.py.
 """
 
 import argparse
-import importlib.util
 import time
 import warnings
 from collections.abc import Callable
@@ -15,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import page
-import scipy.linalg as sla
 
 import tensctl as tc
 from tensctl.errors import TensctlError
@@ -30,8 +28,6 @@ SHAPES = {
 SIZES = ((3, 1), (4, 2), (6, 3), (8, 4), (20, 10), (50, 40))
 # States, and the shell whose lowest modes they are.
 MODELS = {48: (3, 1), 200: (4, 3), 628: (8, 4), 768: (13, 3), 2000: (17, 6)}
-# SciPy takes the cube of the size: 2000 states would be a quarter of an hour.
-SCIPY_UP_TO = 768
 
 
 @dataclass(frozen=True)
@@ -83,20 +79,6 @@ def problems(states: int) -> list[Problem]:
     ]
 
 
-def contenders() -> dict[str, Callable[[Problem], np.ndarray]]:
-    found = {
-        "tensctl": lambda p: care(p.A, p.B, p.Q, p.R).X,
-        "SciPy": lambda p: sla.solve_continuous_are(p.A, p.B, p.Q, p.R),
-    }
-    if importlib.util.find_spec("slycot") is None:
-        print("SLICOT is left out: slycot is not installed.")
-    else:
-        import control
-
-        found["SLICOT"] = lambda p: control.care(p.A, p.B, p.Q, p.R, method="slycot")[0]
-    return found
-
-
 def timed(work: Callable, at_least: float = 0.05) -> tuple[float, object]:
     """Processor time of the fastest call, s, and its answer."""
     best, spent, answer = np.inf, 0.0, None
@@ -106,62 +88,6 @@ def timed(work: Callable, at_least: float = 0.05) -> tuple[float, object]:
         took = time.process_time() - began
         best, spent = min(best, took), spent + max(took, 1e-6)
     return best, answer
-
-
-def solver_rows(sizes: list[int]) -> list[dict]:
-    rows, solvers = [], contenders()
-    for problem in (problem for states in sizes for problem in problems(states)):
-        for name, solve in solvers.items():
-            states = len(problem.A)
-            row = {"states": states, "data": problem.data, "solver": name}
-            if name == "SciPy" and states > SCIPY_UP_TO:
-                continue
-            try:
-                row["time"], X = timed(lambda solve=solve, problem=problem: solve(problem))
-                row["residual"] = problem.residual(X)
-            except (TensctlError, np.linalg.LinAlgError, ValueError) as fault:
-                row["fault"] = str(fault).split(";")[0]
-            rows.append(row)
-            print(row, flush=True)
-    return rows
-
-
-def solver_table(rows: list[dict]) -> str:
-    head = ["states", "data", "solver", "time, s", "residual", "times tensctl"]
-    own = {(r["states"], r["data"]): r["time"] for r in rows if r["solver"] == "tensctl"}
-    cells = []
-    for r in rows:
-        known = [r["states"], r["data"], r["solver"]]
-        if "fault" in r:
-            cells.append([*known, "", r["fault"], ""])
-        else:
-            ratio = r["time"] / own[r["states"], r["data"]]
-            cells.append([*known, f"{r['time']:.3g}", f"{r['residual']:.1e}", f"{ratio:.3g}"])
-    return page.table(head, cells)
-
-
-def plot(rows: list[dict]) -> None:
-    """Residual against processor time; one line a solver and kind of data, one mark a size."""
-    import matplotlib
-
-    matplotlib.use("svg")
-    matplotlib.rcParams["svg.hashsalt"] = "tensctl"
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
-    for name, mark in zip(dict.fromkeys(r["solver"] for r in rows), "osv", strict=False):
-        for data, style in (("nominal", "-"), ("stiff", "--")):
-            own = [r for r in rows if (r["solver"], r["data"]) == (name, data) and "fault" not in r]
-            times, residuals = [r["time"] for r in own], [r["residual"] for r in own]
-            axes.loglog(times, residuals, mark + style, label=f"{name}, {data}")
-            for r in own:
-                axes.annotate(
-                    str(r["states"]), (r["time"], r["residual"]), fontsize=6, xytext=(3, 3), textcoords="offset points"
-                )
-    axes.set(xlabel="processor time, s", ylabel="Riccati residual over its terms")
-    axes.grid(visible=True, which="major", alpha=0.3)
-    figure.legend(loc="outside lower center", ncols=2, fontsize=7)
-    figure.savefig(page.DOCS / "images" / "riccati.svg", metadata={"Date": None})
 
 
 def shell_rows(sizes: list[tuple[int, int]]) -> list[dict]:
@@ -277,12 +203,10 @@ def main() -> None:
     tc.harmonic_lqr(tc.harmonics(tc.build_dynamics(shell(3, 1)), tc.find_equilibrium(shell(3, 1))))
     extremes = extreme_table()
     shells = shell_rows(SIZES[:3] if quick else SIZES)
-    solvers = solver_rows([48, 200] if quick else list(MODELS))
-    tables = {"solvers": solver_table(solvers), "shells": shell_table(shells), "extremes": extremes}
+    tables = {"shells": shell_table(shells), "extremes": extremes}
     for table in tables.values():
         print(f"\n{table}")
     if not quick:
-        plot(solvers)
         page.write("riccati.md", tables)
 
 
