@@ -167,7 +167,7 @@ def table(rows: list[dict], equation: str) -> str:
             end = ["", r["fault"], "", ""]
         else:
             ratio = r["time"] / own.get((r["states"], r["data"]), np.nan)
-            end = [f"{r['time']:.3g}", f"{r['residual']:.1e}", error, f"{ratio:.3g}"]
+            end = [f"{r['time']:.3g}", f"{r['residual']:.1e}", error, "" if np.isnan(ratio) else f"{ratio:.3g}"]
         cells.append([r["states"], r["data"], r["solver"], *end])
     return page.table(["states", "data", "solver", "time, s", "residual", "error", "times tensctl"], cells)
 
