@@ -7,7 +7,6 @@ import pytest
 from support import random_motion, replaced, shell_scene, solved
 
 import tensctl as tc
-from tensctl.errors import LinearizationError
 from tensctl.linear import harmonics
 from tensctl.linear.harmonic_map import is_real
 
@@ -225,10 +224,3 @@ def test_verify_tells_wrong_modes(free):
     wrong = replace(model.blocks[1], omega2=model.blocks[1].omega2 * (1 + 1e-6))
     with pytest.raises(tc.LinearizationError, match="the modes of harmonic 1 miss the Hessian"):
         replace(model, blocks=(model.blocks[0], wrong)).verify()
-
-
-def test_refuses_drag_on_a_free_structure():
-    """`linear.flexible` keeps rigid-body rates there; harmonics have none."""
-    dynamics, rest, _ = solved(shell_scene(3, 1, drag={"coefficient": 0.2}))
-    with pytest.raises(LinearizationError, match="rigid-body rates"):
-        harmonics(dynamics, rest)

@@ -2,7 +2,18 @@
 
 from tensctl.analysis.energies import ReachEnergies
 from tensctl.analysis.gramian import Gramian, controllability_gramian, observability_gramian
-from tensctl.analysis.harmonic import HarmonicReport, HarmonicVerdict, harmonic_controllability
+from tensctl.analysis.harmonic import (
+    HarmonicReport,
+    HarmonicVerdict,
+    harmonic_controllability,
+    harmonic_observability,
+)
+from tensctl.analysis.harmonic_gramian import (
+    HarmonicGramian,
+    harmonic_controllability_gramian,
+    harmonic_observability_gramian,
+)
+from tensctl.analysis.harmonic_reach import HarmonicReach
 from tensctl.analysis.influence import static_influence, tension_influence
 from tensctl.analysis.krylov import KrylovRank
 from tensctl.analysis.losses import Loss, Redundancy, redundancy
@@ -15,6 +26,8 @@ from tensctl.analysis.verdict import ModalReport, ModeVerdict
 
 __all__ = [
     "Gramian",
+    "HarmonicGramian",
+    "HarmonicReach",
     "HarmonicReport",
     "HarmonicVerdict",
     "KrylovRank",
@@ -30,6 +43,9 @@ __all__ = [
     "controllability",
     "controllability_gramian",
     "harmonic_controllability",
+    "harmonic_controllability_gramian",
+    "harmonic_observability",
+    "harmonic_observability_gramian",
     "move",
     "observability",
     "observability_gramian",

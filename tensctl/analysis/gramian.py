@@ -1,11 +1,11 @@
 """Gramians in square-root form, and what it costs to get anywhere in a given time.
 
-    W(T) = int_0^T e^(At) B R^-1 B' e^(A't) dt = L L',   W(2h) = W(h) + F W(h) F',  F = e^(Ah)
+    W(T) = int_0^T e^(At) B R^-1 B* e^(A*t) dt = L L*,   W(2h) = W(h) + F W(h) F*,  F = e^(Ah)
 
 The factor is doubled, [L, F L], and shortened by QR to a triangle, so W is never formed and a direction that costs
 1e20 times another keeps its digits. It starts with Gauss points over a step in which A turns by less than one radian.
 Without damping each F is made of sines and cosines of its own time; with damping F is squared. The least int u'Ru dt
-that brings c'x from rest to one is 1/|L'c|^2.
+that brings c'x from rest to one is 1/|L'c|^2. Real, or complex as the harmonics of a symmetric structure have it.
 
 Accuracy: phases omega T are good to 1e-16 of themselves, so times beyond 1e12 periods mean nothing; with damping the
 squared F errs by its number of squarings times that.
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact, Int
 
 from tensctl.analysis.scaling import tension_slopes
 from tensctl.errors import LinearizationError
@@ -34,27 +34,27 @@ _DONE = 1e-17
 
 @dataclass(frozen=True, eq=False)
 class Gramian:
-    """A Gramian W = L L'.
+    """A Gramian W = L L*.
 
     Attributes
     ----------
     A, B : (n, n), (n, m)
-        Of the equation A W + W A' + B B' = e^(AT) B B' e^(A'T); B is weighted by R already.
+        Of the equation A W + W A* + B B* = e^(AT) B B* e^(A*T); B is weighted by R already.
     horizon : float, s
         T; infinite for a stable A.
     factor : (n, n)
         L, lower triangular.
     """
 
-    A: Float[np.ndarray, "n n"]
-    B: Float[np.ndarray, "n m"]
+    A: Inexact[np.ndarray, "n n"]
+    B: Inexact[np.ndarray, "n m"]
     horizon: float
-    factor: Float[np.ndarray, "n n"]
+    factor: Inexact[np.ndarray, "n n"]
 
     @property
-    def matrix(self) -> Float[np.ndarray, "n n"]:
+    def matrix(self) -> Inexact[np.ndarray, "n n"]:
         """W itself, in which small directions are lost."""
-        return self.factor @ self.factor.T
+        return self.factor @ self.factor.conj().T
 
     @property
     def spread(self) -> float:
@@ -62,29 +62,37 @@ class Gramian:
         values = np.linalg.svd(self.factor, compute_uv=False)
         return float((values[0] / values[-1]) ** 2) if values[-1] > 0 else np.inf
 
-    def energies(self, directions: Float[np.ndarray, "k n"]) -> Float[np.ndarray, " k"]:
-        """Least int u'Ru dt that brings each c'x from rest to one; the rest of x may end anywhere."""
-        reach = (np.asarray(directions) @ self.factor) ** 2
-        with np.errstate(divide="ignore"):
-            return 1.0 / reach.sum(axis=1)
+    def reach(self, directions: Inexact[np.ndarray, "k n"]) -> Float[np.ndarray, " k"]:
+        """|L*c|^2 of each direction, a row c*."""
+        return (np.abs(np.asarray(directions) @ self.factor) ** 2).sum(axis=1)
 
-    def state_energies(self, states: Float[np.ndarray, "k n"]) -> Float[np.ndarray, " k"]:
+    def energies(self, directions: Inexact[np.ndarray, "k n"]) -> Float[np.ndarray, " k"]:
+        """Least int u'Ru dt that brings each c'x from rest to one; the rest of x may end anywhere."""
+        with np.errstate(divide="ignore"):
+            return 1.0 / self.reach(directions)
+
+    def state_energies(self, states: Inexact[np.ndarray, "k n"]) -> Float[np.ndarray, " k"]:
         """Least int u'Ru dt that brings the whole state from rest to each of the given ones."""
-        return (np.linalg.solve(self.factor, np.asarray(states).T) ** 2).sum(axis=0)
+        return (np.abs(np.linalg.solve(self.factor, np.asarray(states).T)) ** 2).sum(axis=0)
 
     @cached_property
-    def residual(self) -> float:
-        """What the equation of W leaves, over the norms of its terms."""
-        W, drive = self.matrix, self.B @ self.B.T
+    def left(self) -> tuple[float, tuple[float, ...]]:
+        """Norm of what the equation of W leaves, and those of its terms."""
+        W, drive = self.matrix, self.B @ self.B.conj().T
         end = np.zeros_like(drive)
         if np.isfinite(self.horizon):
             import scipy.linalg as sla
 
             last = sla.expm(self.A * self.horizon) @ self.B
-            end = last @ last.T
-        terms = (self.A @ W, W @ self.A.T, drive, -end)
-        total = sum(float(np.linalg.norm(term)) for term in terms)
-        return float(np.linalg.norm(np.sum(terms, axis=0))) / total if total > 0 else 0.0
+            end = last @ last.conj().T
+        terms = (self.A @ W, W @ self.A.conj().T, drive, -end)
+        return float(np.linalg.norm(np.sum(terms, axis=0))), tuple(float(np.linalg.norm(term)) for term in terms)
+
+    @property
+    def residual(self) -> float:
+        """What the equation of W leaves, over the norms of its terms."""
+        left, terms = self.left
+        return left / sum(terms) if sum(terms) > 0 else 0.0
 
     def verify(self, tol: float = 1e-9) -> None:
         """Check the equation of W.
@@ -119,13 +127,13 @@ def controllability_gramian(
     """
     flexible = linear.flexible
     R = tension_slopes(flexible) if weights is None else np.asarray(weights, float)
-    return _gramian(flexible, flexible.A, flexible.B / np.sqrt(R), horizon, transposed=False)
+    return gramian(flexible.A, flexible.B / np.sqrt(R), horizon, oscillators(flexible))
 
 
 def observability_gramian(linear: LinearModel, horizon: float) -> Gramian:
     """What the outputs show of a state within a time: int |y|^2 dt = x' W x; the dual of `controllability_gramian`."""
     flexible = linear.flexible
-    return _gramian(flexible, flexible.A.T, flexible.C.T, horizon, transposed=True)
+    return gramian(flexible.A.T, flexible.C.T, horizon, oscillators(flexible), transposed=True)
 
 
 def single_gramians(linear: LinearModel, horizon: float) -> Float[np.ndarray, "nu n n"]:
@@ -135,21 +143,58 @@ def single_gramians(linear: LinearModel, horizon: float) -> Float[np.ndarray, "n
     """
     flexible = linear.flexible
     B = flexible.B / np.sqrt(tension_slopes(flexible))
-    each = [_gramian(flexible, flexible.A, B[:, [t]], horizon, transposed=False).matrix for t in range(B.shape[1])]
+    modes = oscillators(flexible)
+    each = [gramian(flexible.A, B[:, [t]], horizon, modes).matrix for t in range(B.shape[1])]
     return np.array(each).reshape(-1, len(flexible.A), len(flexible.A))
 
 
+@dataclass(frozen=True, eq=False)
+class Oscillators:
+    """Undamped modes, which turn by themselves: squared frequencies, scales of positions, and places in the state."""
+
+    omega2: Float[np.ndarray, " modes"]
+    scales: Float[np.ndarray, " modes"]
+    order: Int[np.ndarray, " nx"]
+
+
+def oscillators(flexible: LinearModel) -> Oscillators | None:
+    """The modes of a flexible model without damping; None with it."""
+    omega2 = np.array([mode.omega2 for mode in flexible.modes], float)
+    return None if flexible.dynamics.damped else Oscillators(omega2, flexible.scales, flexible.order)
+
+
 @one_blas_thread()
-def _gramian(flexible: LinearModel, A: np.ndarray, B: np.ndarray, horizon: float, *, transposed: bool) -> Gramian:
+def gramian(
+    A: Inexact[np.ndarray, "n n"],
+    B: Inexact[np.ndarray, "n m"],
+    horizon: float,
+    undamped: Oscillators | None,
+    *,
+    transposed: bool = False,
+) -> Gramian:
+    """The Gramian of A and B, which is weighted already.
+
+    Parameters
+    ----------
+    undamped : Oscillators or None
+        What A is made of, where there is no damping.
+    transposed : bool
+        Whether A is the transpose of theirs.
+
+    Raises
+    ------
+    LinearizationError
+        For a horizon that is not positive, or infinite without damping.
+    """
     if not horizon > 0:
         raise LinearizationError(f"horizon is {horizon}; expected a time > 0 s.")
-    endless, damped = np.isinf(horizon), flexible.dynamics.damped
+    endless, damped = np.isinf(horizon), undamped is None
     if endless and (not damped or np.real(np.linalg.eigvals(A)).max(initial=-np.inf) >= 0):
         raise LinearizationError("an infinite horizon needs damping in every mode; give the horizon as a time in s.")
     speed = float(np.linalg.norm(A, 2)) if A.size else 0.0
     doublings = int(np.ceil(np.log2(max(horizon * speed, 1.0)))) if not endless else _DOUBLINGS
     step = horizon / 2**doublings if not endless else 1.0 / speed
-    turn = _Turn(A, None if damped else flexible, transposed=transposed)
+    turn = _Turn(A, undamped, transposed=transposed)
     L = _shortened(_first(turn, B, step))
     F = turn(step)
     for k in range(doublings):
@@ -169,16 +214,16 @@ def _first(turn: _Turn, B: np.ndarray, step: float) -> np.ndarray:
 
 
 def _shortened(L: np.ndarray) -> np.ndarray:
-    """A square lower triangle with the same L L'."""
+    """A square lower triangle with the same L L*."""
     n, m = L.shape
     wide = L if m >= n else np.hstack([L, np.zeros((n, n - m))])
-    return np.asarray(np.linalg.qr(wide.T, mode="r")).T
+    return np.asarray(np.linalg.qr(wide.conj().T, mode="r")).conj().T
 
 
 class _Turn:
     """e^(At): each undamped mode turns by its own angle, exactly; anything else is a matrix exponential."""
 
-    def __init__(self, A: np.ndarray, undamped: LinearModel | None, *, transposed: bool) -> None:
+    def __init__(self, A: np.ndarray, undamped: Oscillators | None, *, transposed: bool) -> None:
         self._A, self._undamped, self._transposed = A, undamped, transposed
 
     def __call__(self, t: float) -> np.ndarray:
@@ -186,13 +231,13 @@ class _Turn:
             import scipy.linalg as sla
 
             return sla.expm(self._A * t)
-        linear, half = self._undamped, len(self._undamped.modes)
-        omega = np.sqrt(np.array([mode.omega2 for mode in linear.modes]) + 0j)
-        s, one = linear.scales, np.arange(half)
+        modes, half = self._undamped, self._undamped.omega2.size
+        omega = np.sqrt(modes.omega2 + 0j)
+        s, one = modes.scales, np.arange(half)
         # cos and sin of a real or an imaginary angle; sin(w t)/w is t where w is zero.
         cos, over = np.real(np.cos(omega * t)), np.real(t * np.sinc(omega * t / np.pi))
         full = np.zeros((2 * half, 2 * half))
         full[one, one], full[one + half, one + half] = cos, cos
         full[one, one + half], full[one + half, one] = s * over, -np.real(omega**2) / s * over
-        sorted_ = full[np.ix_(linear.order, linear.order)]
+        sorted_ = full[np.ix_(modes.order, modes.order)]
         return sorted_.T if self._transposed else sorted_

@@ -1,25 +1,27 @@
-"""Controllability of a cyclically symmetric structure, harmonic by harmonic: nothing larger than a sector is formed.
+"""Controllability and observability of a cyclically symmetric structure by harmonic, as `analysis.modal` has them.
 
-    in the unitary transform of the linear model B is block diagonal, so the gain of a mode of harmonic k is that of its
-    row of B_k, and the modes of harmonics k and n - k, conjugates of each other, have the same
+    in the unitary transform of the linear model B and C are block diagonal, so the gain of a mode of harmonic k is that
+    of its eigenvector on B_k or C_k, and the modes of harmonics k and n - k, conjugates of each other, have the same
 
-Near frequencies within a harmonic are judged together as `analysis.modal` does; those of different harmonics are driven
-by different combinations of inputs and need not be. Undamped models only: with dampers a mode's eigenvector is not its
-shape.
+Near frequencies within a harmonic are judged together; those of different harmonics are driven by different
+combinations of inputs and need not be. With dampers the eigenvectors are those of the damped A_k. An oscillating mode
+of a complex harmonic has two, waves that run round the axis one way and the other, and what drives or sees one of them
+more need not do so with the other: such a mode is two entries, one a wave.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tensctl.analysis.modal import chains
+from tensctl.analysis.damped import DampedModes
+from tensctl.analysis.modal import DOUBT, agreed, chains
 from tensctl.analysis.nearness import gains
 from tensctl.analysis.scaling import input_sizes
 from tensctl.analysis.verdict import Verdict, decide
-from tensctl.errors import LinearizationError
-from tensctl.linear import HarmonicModel
+from tensctl.linear import HarmonicModel, HarmonicOutputs
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.threads import one_blas_thread
 
@@ -37,19 +39,20 @@ class HarmonicVerdict:
     harmonic : int
         k.
     copies : int
-        How many modes of the whole structure this is: 2 where harmonics k and n - k are two, else 1.
+        How many modes of the whole structure this is: 2 where harmonics k and n - k are two, else 1; 1 for each of the
+        two waves of a damped mode.
     frequency : float, Hz
     kind : str
         "flexible", "mechanism" or "unstable".
     gain : float
-        How strongly inputs drive it, as in `ModeVerdict`.
+        How strongly inputs drive it, or outputs see it, as in `ModeVerdict`.
     distance : float
-        Smallest change of B, in 2-norm, that would make the answer "no".
+        Smallest change of B (or C), in 2-norm, that would make the answer "no".
     verdict : "yes", "no" or "undecided"
     reason : str
         Why not yes; empty for yes.
     tendons : tuple of str
-        Tendons of the first sector that drive it most, each standing for its images in all sectors.
+        Inputs (or outputs) of the first sector by strength, each standing for its images in all sectors.
     shares : tuple of float
         Part of each, with its images, in the squared gain.
     """
@@ -80,10 +83,13 @@ class HarmonicReport:
         Number of sectors n.
     modes : tuple of HarmonicVerdict
         By harmonic, then by frequency.
+    question : str
+        "controllable" or "observable".
     """
 
     order: int
     modes: tuple[HarmonicVerdict, ...]
+    question: str = "controllable"
 
     @property
     def count(self) -> int:
@@ -92,7 +98,7 @@ class HarmonicReport:
 
     @property
     def driven(self) -> int:
-        """How many of them the tendons drive."""
+        """How many of them the tendons drive, or the outputs see."""
         return sum(mode.copies for mode in self.modes if mode.verdict == "yes")
 
     @property
@@ -102,89 +108,145 @@ class HarmonicReport:
 
     def __str__(self) -> str:
         """A line a harmonic: how many modes, how many driven, the weakest; then each mode that is not driven."""
-        lines = [f"{self.driven} of {self.count} modes are controllable, in {self.order // 2 + 1} harmonics"]
+        lines = [f"{self.driven} of {self.count} modes are {self.question}, in {self.order // 2 + 1} harmonics"]
+        word = "driven" if self.question == "controllable" else "seen"
         for k in range(self.order // 2 + 1):
             own = [mode for mode in self.modes if mode.harmonic == k]
             if own:
                 yes, least = sum(mode.verdict == "yes" for mode in own), min(own, key=_gain)
                 by = ", ".join(least.tendons[:3]) or "none"
                 lines.append(
-                    f"harmonic {k:3d}  x {own[0].copies}  {yes} of {len(own)} driven  "
+                    f"harmonic {k:3d}  x {own[0].copies}  {yes} of {len(own)} {word}  "
                     f"weakest {least.frequency:.4g} Hz, gain {least.gain:.3g}, by {by}"
                 )
         lines += [
-            f"not driven: harmonic {mode.harmonic}, {mode.frequency:.4g} Hz, {mode.verdict}: {mode.reason}"
+            f"not {word}: harmonic {mode.harmonic}, {mode.frequency:.4g} Hz, {mode.verdict}: {mode.reason}"
             for mode in self.modes
             if mode.verdict != "yes"
         ]
         return "\n".join(lines)
 
 
+Why = Callable[[Harmonic, int, Verdict], str]
+
+
 @one_blas_thread()
 def harmonic_controllability(model: HarmonicModel) -> HarmonicReport:
-    """Which modes can tendons drive, how strongly, by which, and why not, at any size.
+    """Which modes can tendons drive, how strongly, by which, and why not, at any size."""
+    questions = []
+    for block in model.blocks:
+        first = model.map.first(block.k)
+        labels = [model.dynamics.input_labels[i] for i in first]
+        questions.append(_Asked(block, block.A.conj().T, block.B.conj().T, input_sizes(model, first), labels))
+    return HarmonicReport(model.order, tuple(_verdicts(questions, _why_not_driven)), "controllable")
 
-    Raises
-    ------
-    LinearizationError
-        For a damped model.
+
+@one_blas_thread()
+def harmonic_observability(outputs: HarmonicOutputs) -> HarmonicReport:
+    """Which modes do outputs see, how strongly, by which, and why not, at any size.
+
+    Parameters
+    ----------
+    outputs : HarmonicOutputs
+        From `harmonic_outputs(model, ["lengths"])`.
     """
-    if model.dynamics.damped:
-        raise LinearizationError(
-            "controllability by harmonics takes models without dampers and drag; use controllability(linearize(...))."
-        )
-    first = model.map.inputs[0]
-    sizes = input_sizes(model, first)
-    labels = [model.dynamics.input_labels[i] for i in first]
-    judged = [_gains(block, block.drive / sizes) for block in model.blocks]
-    largest = max((found.max(initial=0.0) for found in judged), default=0.0)
-    verdicts: list[HarmonicVerdict] = []
-    for block, compared in zip(model.blocks, judged, strict=True):
-        answers: list[Verdict] = [decide(gain, largest) for gain in compared]
-        verdicts += _judged(block, answers, labels)
-    return HarmonicReport(model.order, tuple(verdicts))
+    model = outputs.model
+    C = [outputs.C(block) for block in model.blocks]
+    largest = np.max([np.abs(own).max(axis=1, initial=0.0) for own in C], axis=0)
+    sizes, labels = np.where(largest > 0, largest, 1.0), outputs.sector_labels
+    questions = [_Asked(block, block.A, own, sizes, labels) for block, own in zip(model.blocks, C, strict=True)]
+    return HarmonicReport(model.order, tuple(_verdicts(questions, _why_not_seen)), "observable")
 
 
-def _gains(block: Harmonic, drive: np.ndarray) -> np.ndarray:
-    """Gain of each mode of a harmonic, near frequencies together."""
-    found = np.empty(block.omega2.size)
-    for group, places in chains(block.omega2, block.tolerance):
-        found[group] = gains(np.eye(group.size), drive[group].conj().T, places)
-    return found
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What is asked about one harmonic: eigenvectors of a matrix, and rows that see them."""
+
+    block: Harmonic
+    matrix: np.ndarray
+    rows: np.ndarray
+    sizes: np.ndarray
+    labels: Sequence[str]
+
+    def three(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gains as shown, as judged, and as judged when frequencies are blurred more than they need be; (m, waves)."""
+        gains_of = self._damped() if self.block.dynamics.damped else self._undamped
+        scaled = self.rows / self.sizes[:, None]
+        return gains_of(self.rows, 1.0), gains_of(scaled, 1.0), gains_of(scaled, DOUBT)
+
+    def seen(self) -> np.ndarray:
+        """What rows see of each undamped mode, (rows, m)."""
+        half = self.block.omega2.size
+        return self.rows[:, :half] + 1j * self.rows[:, half : 2 * half]
+
+    def _undamped(self, rows: np.ndarray, blur: float) -> np.ndarray:
+        """Gain of each mode, near frequencies together."""
+        half, found = self.block.omega2.size, np.empty((self.block.omega2.size, 1))
+        seen = rows[:, :half] + 1j * rows[:, half : 2 * half]
+        for group, places in chains(self.block.omega2, blur * self.block.tolerance):
+            found[group, 0] = gains(np.eye(group.size), seen[:, group], places)
+        return found
+
+    def _damped(self) -> Callable[[np.ndarray, float], np.ndarray]:
+        """Gains of both waves where a mode is two, else the weaker of its eigenvectors' gains."""
+        modes = DampedModes.of(self.matrix, np.arange(self.block.nx), self.block.omega2.size)
+        waves = np.imag(modes.eigenvalues).prod(axis=1) < 0
+
+        def both(rows: np.ndarray, blur: float) -> np.ndarray:
+            found = modes.both(rows, blur)
+            if self.block.copies == 1:
+                return found.min(axis=1, keepdims=True, initial=np.inf)
+            return np.where(waves[:, None], found, found.min(axis=1, keepdims=True, initial=np.inf))
+
+        return both
 
 
-def _judged(block: Harmonic, answers: list[Verdict], labels: list[str]) -> list[HarmonicVerdict]:
-    drive, found, verdicts = block.drive, _gains(block, block.drive), []
-    stretch = np.abs(block.stretch)
-    for i, answer in enumerate(answers):
-        strength = np.abs(drive[i]) ** 2
-        order = [k for k in np.argsort(-strength, kind="stable")[:_SHOWN] if strength[k] > 0]
-        shown = order if answer == "yes" else []
-        verdicts.append(
-            HarmonicVerdict(
-                harmonic=block.k,
-                copies=block.copies,
-                frequency=float(np.sqrt(abs(block.omega2[i])) / (2 * np.pi)),
-                kind="flexible" if block.flexible[i] else "unstable" if block.omega2[i] < 0 else "mechanism",
-                gain=float(found[i]),
-                distance=float(found[i] / np.sqrt(2)),
-                verdict=answer,
-                reason=""
-                if answer == "yes"
-                else _reason(answer, stretch[:, i], stretch.max(initial=0.0), block.acting),
-                tendons=tuple(labels[k] for k in shown),
-                shares=tuple(float(strength[k] / strength.sum()) for k in shown),
-            )
-        )
+def _verdicts(questions: Sequence[_Asked], why_not: Why) -> list[HarmonicVerdict]:
+    """Verdicts by harmonic, every gain compared with the largest of all."""
+    found = [asked.three() for asked in questions]
+    largest, most = (max((three[k].max(initial=0.0) for three in found), default=0.0) for k in (1, 2))
+    verdicts = []
+    for asked, (shown, judged, doubted) in zip(questions, found, strict=True):
+        strengths = np.abs(asked.seen()) ** 2
+        for i, wave in np.ndindex(*shown.shape):
+            answer = agreed(decide(float(judged[i, wave]), largest), decide(float(doubted[i, wave]), most))
+            verdicts.append(_verdict(asked, i, shown[i], wave, answer, strengths[:, i], why_not))
     return verdicts
 
 
-def _reason(answer: Verdict, stretch: np.ndarray, largest: float, acting: np.ndarray) -> str:
+def _verdict(
+    asked: _Asked, i: int, found: np.ndarray, wave: int, answer: Verdict, strength: np.ndarray, why_not: Why
+) -> HarmonicVerdict:  # fmt: skip
+    block = asked.block
+    order = [k for k in np.argsort(-strength, kind="stable")[:_SHOWN] if strength[k] > 0]
+    shown = order if answer == "yes" else []
+    return HarmonicVerdict(
+        harmonic=block.k,
+        copies=block.copies // found.size,
+        frequency=float(np.sqrt(abs(block.omega2[i])) / (2 * np.pi)),
+        kind="flexible" if block.flexible[i] else "unstable" if block.omega2[i] < 0 else "mechanism",
+        gain=float(found[wave]),
+        distance=float(found[wave] / np.sqrt(2)),
+        verdict=answer,
+        reason="" if answer == "yes" else why_not(block, i, answer),
+        tendons=tuple(str(asked.labels[k]) for k in shown),
+        shares=tuple(float(strength[k] / strength.sum()) for k in shown),
+    )
+
+
+def _why_not_driven(block: Harmonic, i: int, answer: Verdict) -> str:
     if answer == "undecided":
         return "the drive is too near to rounding to be told from none in double precision"
-    moved = stretch > _STILL * largest
+    stretch = np.abs(block.stretch)
+    moved = stretch[:, i] > _STILL * stretch.max(initial=0.0)
     if not moved.any():
         return "not stretched at first order: the mode changes the length of no tendon"
-    if not (moved & acting).any():
+    if not (moved & block.acting).any():
         return "unactuated: it stretches only tendons without actuator"
     return "the pulls of the actuated tendons on this mode cancel"
+
+
+def _why_not_seen(block: Harmonic, i: int, answer: Verdict) -> str:
+    if answer == "undecided":
+        return "the trace in the outputs is too near to rounding to be told from none in double precision"
+    return "no output changes with this mode at first order"

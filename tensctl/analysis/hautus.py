@@ -54,7 +54,7 @@ def _pair(linear: LinearModel, question: str) -> tuple[np.ndarray, np.ndarray]:
 def _poles(linear: LinearModel, A: np.ndarray) -> Complex[np.ndarray, "modes 2"]:
     """Both eigenvalues of each mode, 1/s; frequencies that are equal to rounding share one."""
     if linear.dynamics.damped:
-        return DampedModes.of(A, linear).eigenvalues
+        return DampedModes.of(A, linear.order, len(linear.modes)).eigenvalues
     rounding, omega2 = linear.equilibrium.spectrum.tolerance, []
     for mode in linear.modes:
         own = 0.0 if mode.kind == "rigid-body" else mode.omega2

@@ -27,7 +27,7 @@ from tensctl.linear import LinearModel, Mode
 
 _SHOWN = 5
 # A verdict that changes when frequencies are blurred by this many times rounding, not once, is undecided.
-_DOUBT = 30.0
+DOUBT = 30.0
 Why = Callable[[LinearModel, Mode, int, Verdict, int], str]
 
 
@@ -51,7 +51,7 @@ def _report(linear, matrix, sizes, labels, why_not: Why, question) -> ModalRepor
     """Judge the rows of B, or of C', mode by mode."""
     gains_of = _gains_of(linear, question)
     found, judged, doubted = (_in_turn(linear, gains_of(*at)) for at in _three(matrix, sizes))
-    answers: list[Verdict] = [_agreed(*pair) for pair in zip(_answers(judged), _answers(doubted), strict=True)]
+    answers: list[Verdict] = [agreed(*pair) for pair in zip(_answers(judged), _answers(doubted), strict=True)]
     position, speed = _rows(linear, matrix)
     verdicts = _judge(linear, position + 1j * speed, labels, found, answers, why_not)
     return ModalReport(tuple(verdicts), question, linear=linear)
@@ -59,14 +59,15 @@ def _report(linear, matrix, sizes, labels, why_not: Why, question) -> ModalRepor
 
 def _three(matrix: np.ndarray, sizes: np.ndarray) -> tuple[tuple[np.ndarray, float], ...]:
     """What is shown, what is judged, and what is judged when frequencies are blurred more than they need be."""
-    return (matrix, 1.0), (matrix / sizes, 1.0), (matrix / sizes, _DOUBT)
+    return (matrix, 1.0), (matrix / sizes, 1.0), (matrix / sizes, DOUBT)
 
 
 def _answers(judged: np.ndarray) -> list[Verdict]:
     return [decide(gain, judged.max(initial=0.0)) for gain in judged]
 
 
-def _agreed(one: Verdict, other: Verdict) -> Verdict:
+def agreed(one: Verdict, other: Verdict) -> Verdict:
+    """The answer that two ways of judging give, if they do."""
     return one if one == other else "undecided"
 
 
@@ -74,7 +75,8 @@ def _gains_of(linear: LinearModel, question: str) -> Callable[[np.ndarray, float
     """Gains of each mode by a matrix of rows of states, with eigenvalues blurred by a multiple of rounding."""
     if not linear.dynamics.damped:
         return lambda matrix, blur: _undamped(linear, matrix, blur)
-    modes = DampedModes.of(linear.A.T if question == "controllable" else linear.A, linear)
+    A = linear.A.T if question == "controllable" else linear.A
+    modes = DampedModes.of(A, linear.order, len(linear.modes))
     return lambda matrix, blur: modes.gains(matrix.T, blur)
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 from tensctl.linear import HarmonicModel, LinearModel
 
 
-def tension_slopes(linear: LinearModel) -> Float[np.ndarray, " nu"]:
+def tension_slopes(linear: LinearModel | HarmonicModel) -> Float[np.ndarray, " nu"]:
     """Growth of tension with each input, dT/du, N/m; what the law gives, also when slack; of a gang sum g^2 dT/du."""
     rest, members = linear.equilibrium, linear.dynamics.members
     slopes = members.stiffness if members.law == "k" else members.stiffness * rest.lengths / rest.rest_lengths**2

@@ -4,6 +4,7 @@ from tensctl.linear.discrete import Discrete, sample
 from tensctl.linear.frame import Frame, best_fit
 from tensctl.linear.harmonic import HarmonicModel, harmonics
 from tensctl.linear.harmonic_block import Harmonic
+from tensctl.linear.harmonic_outputs import HarmonicOutputs, harmonic_outputs
 from tensctl.linear.linearize import linearize
 from tensctl.linear.model import LinearModel
 from tensctl.linear.modes import Mode
@@ -16,12 +17,14 @@ __all__ = [
     "Frame",
     "Harmonic",
     "HarmonicModel",
+    "HarmonicOutputs",
     "LinearModel",
     "Mix",
     "Mode",
     "Sampled",
     "SecondOrder",
     "best_fit",
+    "harmonic_outputs",
     "harmonics",
     "linearize",
     "sample",

@@ -21,6 +21,7 @@ from tensctl.errors import LinearizationError
 from tensctl.linear.frame import best_fit
 from tensctl.linear.harmonic_block import Harmonic, Shown
 from tensctl.linear.harmonic_find import linear_symmetry
+from tensctl.linear.harmonic_inputs import harmonic_gears, input_orbits
 from tensctl.linear.harmonic_map import HarmonicMap
 from tensctl.linear.linearize import checked_point
 from tensctl.linear.model import LinearModel
@@ -66,7 +67,7 @@ class HarmonicModel:
     @property
     def nu(self) -> int:
         """Number of inputs of the whole structure."""
-        return self.map.inputs.size
+        return self.map.nu
 
     @cached_property
     def omega2(self) -> Float[np.ndarray, " modes"]:
@@ -78,22 +79,28 @@ class HarmonicModel:
     ) -> list[Inexact[np.ndarray, " _"]]:
         """States x_k of the nonlinear structure, of a free one in its co-moving frame (see `LinearModel.state_of`)."""
         rest, potential = self.equilibrium.nodes, self.equilibrium.potential
+        seen, rates, drift = nodes, velocities, velocities
         if not potential.structure.held.any():
             frame = best_fit(potential, rest, nodes, velocities)
-            nodes, velocities = frame.nodes(nodes), frame.velocities(nodes, velocities)
-        xi = potential.manifold.logarithm(rest, nodes)
-        rate = potential.manifold.velocity(rest, nodes, velocities)
-        return [
-            np.concatenate([block.scales * eta[:, 0], eta[:, 1]])
-            for block, eta in zip(self.blocks, self.modal(np.column_stack([xi, rate])), strict=True)
-        ]
+            seen, rates, drift = frame.nodes(nodes), frame.velocities(nodes, velocities), velocities @ frame.rotation
+        moved = [potential.manifold.logarithm(rest, seen), potential.manifold.velocity(rest, seen, rates)]
+        if any(block.drift.size for block in self.blocks):
+            moved.append(potential.manifold.velocity(rest, seen, drift))
+        result = []
+        for block, z in zip(self.blocks, self._weighed(np.column_stack(moved)), strict=True):
+            eta = block.shapes.conj().T @ z[:, :2]
+            result.append(np.concatenate([block.scales * eta[:, 0], eta[:, 1], block.drift.conj().T @ z[:, -1]]))
+        return result
 
     def modal(self, xi: Float[np.ndarray, "size columns"]) -> list[Inexact[np.ndarray, "_ columns"]]:
         """Modal coordinates eta by harmonic, from tangent coordinates of the whole structure."""
+        return [block.shapes.conj().T @ z for block, z in zip(self.blocks, self._weighed(xi), strict=True)]
+
+    def _weighed(self, xi: np.ndarray) -> list[np.ndarray]:
+        """Harmonics of momenta, from tangent coordinates of the whole structure."""
         rods = self.map.point.sector.symmetry.rods[0]
         mass = self.map.point.sector.manifold.mass(self.dynamics.members.mass[rods])[:, None]
-        waves = self.map.motion(xi)
-        return [block.shapes.conj().T @ (mass * z) for block, z in zip(self.blocks, waves, strict=True)]
+        return [mass * z for z in self.map.motion(xi)]
 
     def changed_basis(self, linear: LinearModel) -> list[Inexact[np.ndarray, "_ nx"]]:
         """T_k of x_k = T_k x, with x the state of the dense `linear.flexible`; together unitary.
@@ -106,10 +113,15 @@ class HarmonicModel:
         flexible = linear.flexible
         if not np.array_equal(linear.equilibrium.nodes, self.equilibrium.nodes):
             raise LinearizationError("the linear model is one of another equilibrium; linearise both at the same.")
-        result = []
-        for block, mixed in zip(self.blocks, self.modal(flexible.shapes), strict=True):
-            scaled, zero = block.scales[:, None] * mixed / flexible.scales, np.zeros_like(mixed)
-            result.append(np.block([[scaled, zero], [zero, mixed]])[:, flexible.order])
+        drifting = flexible.equilibrium.spectrum.shapes[:, np.array([mode.index for mode in flexible.drifting], int)]
+        count, result = len(flexible.modes), []
+        for block, z in zip(self.blocks, self._weighed(np.hstack([flexible.shapes, drifting])), strict=True):
+            mixed, own = block.shapes.conj().T @ z[:, :count], block.omega2.size
+            T = np.zeros((block.nx, len(flexible.order)), mixed.dtype)
+            T[:own, :count] = block.scales[:, None] * mixed / flexible.scales
+            T[own : 2 * own, count : 2 * count] = mixed
+            T[2 * own :, 2 * count :] = block.drift.conj().T @ z[:, count:]
+            result.append(T[:, flexible.order])
         return result
 
     def circulant(self, row: Float[np.ndarray, "n p q"]) -> list[Inexact[np.ndarray, "p q"]]:
@@ -166,27 +178,19 @@ def harmonics(dynamics: Dynamics, equilibrium: Equilibrium, *, tol: float = 1e-9
     Raises
     ------
     LinearizationError
-        When the sectors differ, for drag on a free structure, whose rigid-body rates would belong to the model, and
-        where `linearize` would refuse.
+        When the sectors differ, and where `linearize` would refuse.
     """
     checked_point(dynamics, equilibrium)
-    if not dynamics.members.gearing.plain:
-        raise LinearizationError("motors that pull several tendons are not taken by harmonics; use linearize.")
-    if dynamics.drag > 0 and not dynamics.structure.held.any():
-        raise LinearizationError(
-            "drag on a free structure couples its shape to its rigid-body rates, which harmonics leave out; "
-            "use linearize."
-        )
     symmetry = linear_symmetry(dynamics, equilibrium, tol)
     sector = Sector.of(equilibrium.potential, symmetry, equilibrium.rest_lengths)
     point = sector.at(sector.restrict(equilibrium.nodes))
-    tolerance = equilibrium.tolerance
-    blocks = [Harmonic.of(dynamics, point, k, tolerance) for k in range(symmetry.order // 2 + 1)]
-    acting = symmetry.tendons[:, blocks[0].acting]
-    inputs = np.searchsorted(dynamics.members.inputs, acting)
-    return HarmonicModel(
-        dynamics, equilibrium, HarmonicMap(equilibrium, point, inputs), _scaled(blocks), symmetry.mismatch
-    )
+    orbits = input_orbits(dynamics, symmetry) or ()
+    gears = harmonic_gears(dynamics, symmetry, orbits)
+    blocks = [Harmonic.of(dynamics, point, k, equilibrium.tolerance, gear) for k, gear in enumerate(gears)]
+    own = next((group for group in orbits if len(group) == symmetry.order), np.zeros((symmetry.order, 0), int))
+    shared = tuple(group for group in orbits if len(group) < symmetry.order)
+    mapped = HarmonicMap(equilibrium, point, own, shared)
+    return HarmonicModel(dynamics, equilibrium, mapped, _scaled(blocks), symmetry.mismatch)
 
 
 def _scaled(blocks: Sequence[Harmonic]) -> tuple[Harmonic, ...]:

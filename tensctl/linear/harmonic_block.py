@@ -4,8 +4,9 @@ With modes H_k phi = omega^2 M phi, phi* M phi = 1, and S_k the tendons' spans o
 
     d/dt (s eta) = s eta',   eta'' = -(omega^2/s) (s eta) - phi* C_k phi eta' + phi* G_k u_k
 
-the state of harmonic k is x_k = (s eta, eta'), as in `LinearModel`. Outputs are y_k = C x_k + D u_k: nodes in axes that
-turn with the sectors, lengths and tensions.
+the state of harmonic k is x_k = (s eta, eta'), as in `LinearModel`. Under drag the rates of a free structure's
+rigid-body motions, which stand in k = 0 and k = 1, are its last states. Outputs are y_k = C x_k + D u_k: nodes in axes
+that turn with the sectors, lengths and tensions.
 """
 
 from __future__ import annotations
@@ -40,6 +41,10 @@ class Harmonic:
         Mass-normalised modes in the sector's tangent coordinates, 1/sqrt(kg).
     tolerance : float, rad^2/s^2
         Eigenvalues up to this size are no stiffness: mechanisms or unstable modes.
+    drift : (sector size, r)
+        Mass-normalised rigid-body motions of which only the rates are states, under drag.
+    gear : (tendons that act, p)
+        Shortening of the sector's tendons per input: the identity unless motors pull several tendons.
     unscaled : float, rad/s
         Scale of modes without stiffness: the slowest flexible frequency of all harmonics.
     """
@@ -50,10 +55,12 @@ class Harmonic:
     omega2: Float[np.ndarray, " m"]
     shapes: Inexact[np.ndarray, "size m"]
     tolerance: float
+    drift: Inexact[np.ndarray, "size r"]
+    gear: Inexact[np.ndarray, "acting p"]
     unscaled: float = 1.0
 
     @classmethod
-    def of(cls, dynamics: Dynamics, point: SectorPoint, k: int, tolerance: float) -> Harmonic:
+    def of(cls, dynamics: Dynamics, point: SectorPoint, k: int, tolerance: float, gear: np.ndarray) -> Harmonic:
         """Harmonic k about a sector's point; one Hermitian eigenvalue problem of sector size."""
         root = np.sqrt(_mass(point))
         scaled, motion = point.harmonic(k).toarray() / np.outer(root, root), rigid_motion(point, k)
@@ -61,12 +68,13 @@ class Harmonic:
         if is_real(k, point.sector.symmetry.order):
             scaled, held = np.real(scaled), np.real(held)
         omega2, vectors = across(scaled, held)
-        return cls(dynamics, point, k, omega2, vectors / root[:, None], tolerance)
+        drift = held / root[:, None] if dynamics.drag > 0 else held[:, :0]
+        return cls(dynamics, point, k, omega2, vectors / root[:, None], tolerance, drift, gear)
 
     @property
     def nx(self) -> int:
         """Number of states, complex unless the harmonic is real."""
-        return 2 * self.omega2.size
+        return 2 * self.omega2.size + self.drift.shape[1]
 
     @property
     def copies(self) -> int:
@@ -91,14 +99,15 @@ class Harmonic:
         return np.einsum("ti,tim->tm", unit, self._spans)
 
     @property
-    def damping(self) -> Inexact[np.ndarray, "m m"]:
-        """Modal damping, 1/s."""
-        result = np.zeros((self.omega2.size,) * 2, self.shapes.dtype)
+    def damping(self) -> Inexact[np.ndarray, "rates rates"]:
+        """Modal damping of all rates, 1/s; no tendon feels a rigid-body motion."""
+        count, rates = self.omega2.size, self.omega2.size + self.drift.shape[1]
+        result = np.zeros((rates, rates), self.shapes.dtype)
         if self.dampers.any():
             stretch = self.stretch
-            result += stretch.conj().T @ (self.dampers[:, None] * stretch)
+            result[:count, :count] += stretch.conj().T @ (self.dampers[:, None] * stretch)
         if self.dynamics.drag > 0:
-            moved = self.point.tangent @ self.shapes
+            moved = self.point.tangent @ np.hstack([self.shapes, self.drift])
             ends = np.bincount(self.point.sector.manifold.rods.ravel(), minlength=len(self.point.nodes))
             result += moved.conj().T @ (np.repeat(self.dynamics.drag * ends, 3)[:, None] * moved)
         return result
@@ -116,42 +125,50 @@ class Harmonic:
 
     @property
     def drive(self) -> Inexact[np.ndarray, "m p"]:
-        """Modal force of each acting tendon of the sector, per metre of shortening."""
+        """Modal force of each input, per metre of shortening."""
         acting = self.acting
-        return -np.einsum("tim,ti->mt", self._spans.conj()[acting], self.point.terms.shortening[acting])
+        force = -np.einsum("tim,ti->mt", self._spans.conj()[acting], self.point.terms.shortening[acting])
+        return force @ self.gear
 
     @property
     def A(self) -> Inexact[np.ndarray, "nx nx"]:
         """State matrix, 1/s."""
-        s, zero = self.scales, np.zeros((self.omega2.size,) * 2)
-        damping = self.damping if self.dynamics.damped else zero
-        return np.block([[zero, np.diag(s)], [np.diag(-self.omega2 / s), -damping]])
+        s, count, k = self.scales, self.omega2.size, np.arange(self.omega2.size)
+        full = np.zeros((self.nx, self.nx), self.shapes.dtype if self.dynamics.damped else float)
+        full[k, count + k], full[count + k, k] = s, -self.omega2 / s
+        if self.dynamics.damped:
+            full[count:, count:] = -self.damping
+        return full
 
     @property
     def B(self) -> Inexact[np.ndarray, "nx p"]:
         """Input matrix: rest-length shortening of the sector's acting tendons, m."""
         drive = self.drive
-        return np.vstack([np.zeros_like(drive), drive])
+        return np.vstack([np.zeros_like(drive), drive, np.zeros((self.drift.shape[1], drive.shape[1]))])
 
     def C(self, kind: Shown) -> Inexact[np.ndarray, "y nx"]:
         """Output matrix of the sector's free node components, tendon lengths or tensions."""
         if kind == "nodes":
             free = self.point.sector.potential.structure.free[self.point.sector.symmetry.nodes[0]].ravel()
             position = (self.point.tangent @ self.shapes)[free]
-            return np.hstack([position / self.scales, 0 * position])
+            return self._at(position / self.scales, 0 * position)
         stretch = self.stretch
         if kind == "lengths":
-            return np.hstack([stretch / self.scales, 0 * stretch])
+            return self._at(stretch / self.scales, 0 * stretch)
         slope = self._slopes[0]
-        return np.hstack([slope[:, None] * stretch / self.scales, self.dampers[:, None] * stretch])
+        return self._at(slope[:, None] * stretch / self.scales, self.dampers[:, None] * stretch)
 
-    def D(self, kind: Shown) -> Float[np.ndarray, "y p"]:
+    def _at(self, position: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Rows that see positions and rates of modes, and nothing of a drift."""
+        return np.hstack([position, rate, np.zeros((len(rate), self.drift.shape[1]))])
+
+    def D(self, kind: Shown) -> Inexact[np.ndarray, "y p"]:
         """Feedthrough: tensions answer to their own rest length at once."""
         acting = self.acting
         if kind == "tensions":
-            return np.diag(self._slopes[1])[:, acting]
+            return np.diag(self._slopes[1])[:, acting] @ self.gear
         rows = int(np.count_nonzero(self.point.sector.potential.structure.free[self.point.sector.symmetry.nodes[0]]))
-        return np.zeros((rows if kind == "nodes" else acting.size, int(acting.sum())))
+        return np.zeros((rows if kind == "nodes" else acting.size, self.gear.shape[1]))
 
     def misfit(self) -> float:
         """How far the modes miss the block's mass matrix and Hessian, this over the largest omega^2."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tensctl.errors import LinearizationError
+from tensctl.linear.harmonic_inputs import input_orbits
 from tensctl.model import Dynamics
 from tensctl.statics import Equilibrium
 from tensctl.statics.symmetry import CyclicSymmetry, find_symmetry
@@ -33,8 +34,8 @@ def linear_symmetry(dynamics: Dynamics, equilibrium: Equilibrium, tol: float) ->
     candidates = [_damped_too(dynamics, _coarser(found, n)) for n in orders if _acts_alike(dynamics, found, n)]
     if not candidates:
         raise LinearizationError(
-            f"the structure has {found.order} equal sectors, but its acting tendons differ from sector to sector; "
-            "give each sector the same actuators, or use tc.linearize."
+            f"the structure has {found.order} equal sectors, but its acting tendons differ from sector to sector, or "
+            "its motors are not carried onto motors; give each sector the same actuators, or use tc.linearize."
         )
     kept = [symmetry for symmetry in candidates if symmetry.mismatch <= tol]
     if not kept:
@@ -52,9 +53,8 @@ def _coarser(symmetry: CyclicSymmetry, order: int) -> CyclicSymmetry:
 
 
 def _acts_alike(dynamics: Dynamics, symmetry: CyclicSymmetry, order: int) -> bool:
-    """Whether the images of acting tendons act."""
-    acting = np.isin(symmetry.tendons, dynamics.members.inputs).reshape(order, -1)
-    return bool((acting == acting[0]).all())
+    """Whether the images of acting tendons act, and those of motors are motors."""
+    return input_orbits(dynamics, _coarser(symmetry, order)) is not None
 
 
 def _damped_too(dynamics: Dynamics, symmetry: CyclicSymmetry) -> CyclicSymmetry:

@@ -38,11 +38,13 @@ def input_weights(linear: HarmonicModel, R: np.ndarray | Blocks | None) -> tuple
     SynthesisError
         For blocks of the wrong number or shape, or a weight that is not positive.
     """
-    count = len(linear.blocks)
-    R = np.diag(input_stiffness(linear)[linear.map.inputs[0]]) if R is None else R
+    count, first = len(linear.blocks), [linear.map.first(k) for k in range(len(linear.blocks))]
+    if R is None:
+        stiffness = input_stiffness(linear)
+        R = [np.diag(stiffness[own]) for own in first]
     same = isinstance(R, np.ndarray) and R.ndim == 2
     blocks = [np.asarray(R)] * count if same else [np.asarray(block) for block in R]
-    return _checked("R", blocks, [linear.map.inputs.shape[1]] * count, positive=True)
+    return _checked("R", blocks, [own.size for own in first], positive=True)
 
 
 def _checked(name: str, blocks: Blocks, sizes: list[int], *, positive: bool) -> tuple[np.ndarray, ...]:
