@@ -11,7 +11,8 @@ from tensctl.synthesis import Weights
 from tensctl.synthesis.qp import Solution
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_daqp import DaqpSolver
-from tensctl.synthesis.qp_osqp import OsqpSolver
+from tensctl.synthesis.qp_solvers import SOLVERS, first_choice, new_solver, order_of
+from tensctl.synthesis.relaxed import relax
 
 HORIZON, RATE, FLOOR = 10, 0.5, 2.0
 NO_FLOOR = -1e6
@@ -49,19 +50,59 @@ def disturbed(case, reach, speed):
 
 
 class TestOptimum:
-    """The condensed problem through DAQP and OSQP against the same problem stated with states in cvxpy."""
+    """Every solver, condensed or by stages, against the same problem stated with states in cvxpy."""
 
     @pytest.mark.parametrize("size", [QUIET, LIVELY, BUSY], ids=["quiet", "lively", "busy"])
-    def test_three_ways(self, mast, controller, size):
+    def test_every_solver_and_cvxpy(self, mast, controller, size):
         problem, limits, qp = controller.statement(0.0, disturbed(mast, *size))
         cost, inputs = reference_optimum(problem, limits)
         assert np.isfinite(cost)
-        for solver in (DaqpSolver, OsqpSolver):
-            found = solver(qp).solve(qp)
+        for name in SOLVERS:
+            found = new_solver(name, problem, soft=False).solve(qp)
             ours = qp.objective(found.z) + problem.constant(limits.start)
             assert abs(ours - cost) < 1e-7 * cost
             assert np.abs(found.z[: inputs.shape[1]] - inputs[0]).max() < 1e-7
             assert found.kkt < 1e-7
+
+    @pytest.mark.parametrize("size", [LIVELY, (0.03, 1.5)], ids=["floors kept", "floors out of reach"])
+    def test_slack_is_the_same_by_stages(self, mast, controller, size):
+        """Floors give way by the same amounts, at the same cost, whether states are eliminated or not."""
+        problem, _, hard = controller.statement(0.0, disturbed(mast, *size))
+        soft = relax(hard, HORIZON)
+        n = hard.f.size
+        found = {name: new_solver(name, problem, soft=True).solve(soft) for name in ("daqp", "piqp", "clarabel")}
+        for other in ("piqp", "clarabel"):
+            assert found[other].kkt < 1e-8
+            assert np.abs(found[other].z - found["daqp"].z)[n:].max() < 1e-8
+            assert soft.objective(found[other].z) == pytest.approx(soft.objective(found["daqp"].z), rel=1e-8)
+        assert (found["piqp"].z[n:].max() > 1e-4) == (size == (0.03, 1.5))
+
+    def test_the_interior_point_remembers_nothing(self, mast, controller):
+        """Used or new, an answer is the same to the last bit."""
+        problem, _, qp = controller.statement(0.0, disturbed(mast, *BUSY))
+        _, _, before = controller.statement(0.0, disturbed(mast, 0.03, 1.5))
+        used = new_solver("piqp", problem, soft=True)
+        used.solve(relax(before, HORIZON))
+        asked = relax(qp, HORIZON)
+        assert (used.solve(asked).z == new_solver("piqp", problem, soft=True).solve(asked).z).all()
+
+    def test_an_active_set_that_takes_long_hands_over(self, mast, controller):
+        """Within a few iterations there is no answer, and the interior point's is the one that long ones give."""
+        _, _, qp = controller.statement(0.0, disturbed(mast, *BUSY))
+        assert DaqpSolver(qp, most=5).solve(qp).status == "failed"
+        assert DaqpSolver(qp).solve(qp).status == "solved"
+
+    def test_order_of_solvers(self):
+        """Each is asked for the hard problem before any floor gives way, and each that was not, later."""
+        for first in SOLVERS:
+            order = order_of(first)
+            assert order[0] == (first, False)
+            assert [soft for _, soft in order] == sorted(soft for _, soft in order)
+            assert ("piqp", True) in order
+            assert len(set(order)) == len(order)
+        name, why = first_choice(20, 24, 48)
+        assert name == "daqp"
+        assert "0.92 million" in why
 
     def test_limits_act_in_the_hardest_of_them(self, mast, controller):
         """The comparison would prove little if no limit acted: here rates and tension floors do."""
@@ -97,10 +138,13 @@ class TestOptimum:
             assert np.abs(predicted[k] * problem.tension_scale - wanted[problem.tendons]).max() < 1e-10
 
     def test_solver_asked_first_does_not_matter(self, mast, controller):
-        other = tc.MPC(mast[2], horizon=HORIZON, tension_min=FLOOR, rate_max=RATE, solver="osqp")
         seen = disturbed(mast, *LIVELY)
-        assert np.abs(controller.step(0.0, seen) - other.step(0.0, seen)).max() < 1e-7
-        assert (controller.records[0].status, other.records[0].status) == ("daqp", "osqp")
+        asked = controller.step(0.0, seen)
+        assert controller.records[0].status == "daqp"
+        for name in SOLVERS[1:]:
+            other = tc.MPC(mast[2], horizon=HORIZON, tension_min=FLOOR, rate_max=RATE, solver=name)
+            assert np.abs(asked - other.step(0.0, seen)).max() < 1e-7
+            assert other.records[0].status == name
 
 
 class TestUnconstrained:
@@ -263,7 +307,7 @@ class TestHardLimits:
 
         monkeypatch.setattr(DaqpSolver, "solve", lying)
         controller.step(0.0, disturbed(mast, *LIVELY))
-        assert controller.records[0].status == "osqp"
+        assert controller.records[0].status == "piqp"
         assert controller.records[0].kkt < 1e-6
 
 
@@ -295,7 +339,7 @@ class TestRelaxedFloor:
         controller.step(0.0, hopeless)
         record = controller.records[0]
         missing = self.missing(qp, plan, HORIZON)
-        assert record.status == "daqp relaxed"
+        assert record.status == "piqp relaxed"
         assert record.relaxed == pytest.approx((missing * problem.tension_scale).max(), rel=1e-9)
         assert record.relaxed > 0.1
         least = self.least(qp, HORIZON)

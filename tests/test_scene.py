@@ -173,7 +173,7 @@ SENTENCES = [
         'linearize.outputs is ["nodes", "nodes"]; expected each output once.',
     ),
     ({"mpc": {"horizon": 0}}, "mpc.horizon is 0; expected a whole number >= 1 (control periods)."),
-    ({"mpc": {"solver": "qp"}}, 'mpc.solver is "qp"; expected "auto", "daqp" or "osqp".'),
+    ({"mpc": {"solver": "qp"}}, 'mpc.solver is "qp"; expected "auto", "daqp", "osqp", "piqp" or "clarabel".'),
     ({"target": {}}, "target.height_scale is missing; expected a finite number > 0 (of the height at rest)."),
     ({"target": {"twist": 1}}, "target.twist is planned, but not supported yet."),
     ({"sweep": {}}, "sweep is planned, but not supported yet."),

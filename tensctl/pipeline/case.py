@@ -141,7 +141,7 @@ def _mpc_check(results: Results) -> MpcCheck | None:
     if mpc is None or certificate is None:
         return None
     return MpcCheck(
-        solver=mpc.order[0],
+        solver=mpc.solver,
         horizon=mpc.horizon,
         dt=mpc.dt,
         variables=certificate.variables,

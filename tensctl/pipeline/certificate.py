@@ -9,6 +9,7 @@ import numpy as np
 from tensctl.simulation import Measurement, Run
 from tensctl.synthesis import MPC
 from tensctl.synthesis.qp_cvxpy import reference_optimum
+from tensctl.synthesis.qp_solvers import SOLVERS
 
 _ROUNDING = 1e-12
 # Optima below the cost of this change of every input are rounding, and their ratio means nothing.
@@ -72,7 +73,7 @@ def _below(mpc: MPC, run: Run) -> int:
 def _busiest(run: Run) -> int | None:
     """The recorded control sample with the fastest motion whose problem had a solution within its floors."""
     sampled = np.isin(np.round(run.time, 12), np.round(run.sample_time, 12))
-    hard = sampled & np.array([status in ("daqp", "osqp") for status in run.status])
+    hard = sampled & np.array([status in SOLVERS for status in run.status])
     speed = np.linalg.norm(run.velocities, axis=2).max(axis=1)
     return int(np.where(hard, speed, -1.0).argmax()) if hard.any() else None
 

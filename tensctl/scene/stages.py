@@ -109,7 +109,7 @@ class MpcStage(Section):
     tension_min: Annotated[float, Number("N", least=0)] = 0.1
     rate_max: Annotated[float, Number("m/s", above=0)] = 0.5
     input_weight: Annotated[float, Number(above=0)] = 1.0
-    solver: Literal["auto", "daqp", "osqp"] = "auto"
+    solver: Literal["auto", "daqp", "osqp", "piqp", "clarabel"] = "auto"
     delay: Annotated[float, Number("s", least=0)] = 0.0
     modes: Literal["refuse", "truncate"] = "refuse"
 

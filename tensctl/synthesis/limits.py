@@ -50,6 +50,7 @@ class Limits:
             A=problem.rows,
             lower=np.concatenate([self.input_lower.ravel(), floor, (self.change_lower + first).ravel()]),
             upper=np.concatenate([upper, np.full(floor.size, np.inf), (self.change_upper + first).ravel()]),
+            start=self.start,
         )
 
     def shortfall(self, problem: Condensed, plan: Float[np.ndarray, "N nu"]) -> float:

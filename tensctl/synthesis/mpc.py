@@ -4,9 +4,9 @@ The controller follows a reference of equilibria and controls the deviation from
 planned equilibrium (`synthesis.condensed` states the problem). Rest lengths reach the command at the end of the period,
 which begins when the computation is over: the state is predicted to then, with the command that is still under way.
 
-A step asks the first solver, judges the answer by its recomputed KKT residual, then asks the next one. When the tension
-floors cannot all be kept, they are relaxed by as little as possible and the step says by how much. Without any
-acceptable answer the last plan is shifted and clipped to the hard limits.
+A step asks the first solver, judges the answer by its recomputed KKT residual, then asks the next one, in the order of
+`synthesis.qp_solvers`. When the tension floors cannot all be kept, they are relaxed by as little as possible and the step
+says by how much. Without any acceptable answer the last plan is shifted and clipped to the hard limits.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from tensctl.synthesis.condensed import Condensed, Weights, condense
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.qp import QP, Solution, Solver
-from tensctl.synthesis.qp_solvers import blank, new_solver
+from tensctl.synthesis.qp_solvers import first_choice, new_solver, order_of
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.relaxed import relax
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
@@ -82,8 +82,8 @@ class _Piece:
         return stretch(self.linear, self.delay)
 
     @cached_property
-    def solvers(self) -> dict[str, Solver]:
-        """Solvers set up so far, by name."""
+    def solvers(self) -> dict[tuple[str, bool], Solver]:
+        """Solvers set up so far, by name and whether floors may give way."""
         return {}
 
 
@@ -103,8 +103,8 @@ class MPC:
     rate_max : float, m/s
         Limit of every rest length's rate (hard).
     weights : Weights
-    solver : "auto", "daqp" or "osqp"
-        Which solver is asked first; "auto" is DAQP, exact and fastest at control size.
+    solver : "auto", "daqp", "osqp", "piqp" or "clarabel"
+        Which solver is asked first; `why` says what "auto" chose, and why.
     delay : float, s
         From a sample until the command computed at it begins to act, at most a period.
     modes : "refuse" or "truncate"
@@ -130,7 +130,7 @@ class MPC:
         tension_min: float = 0.1,
         rate_max: float = 0.5,
         weights: Weights | None = None,
-        solver: Literal["auto", "daqp", "osqp"] = "auto",
+        solver: Literal["auto", "daqp", "osqp", "piqp", "clarabel"] = "auto",
         delay: float = 0.0,
         modes: Fast = "refuse",
         path: Reference | None = None,
@@ -145,7 +145,8 @@ class MPC:
         self._fast: Fast = modes
         self.tension_min, self.rate_max = float(tension_min), asked.rate_max
         self.weights = Weights() if weights is None else weights
-        self.order = ("osqp", "daqp") if solver == "osqp" else ("daqp", "osqp")
+        chosen = first_choice(self.horizon, len(self.linear.inputs), len(self.linear.A))
+        self.solver, self.why = chosen if solver == "auto" else (solver, "asked for")
         self.reference: Reference = Hold(linear.equilibrium) if path is None else path
         self._pieces: dict[int, _Piece] = {}
         self._plan: np.ndarray | None = None
@@ -184,7 +185,8 @@ class MPC:
         piece = self._piece(self.reference.knot_at(t))
         limits = self.limits(t, measurement)
         plan, status, kkt = self._solve(piece, limits)
-        relaxed = 0.0 if status in self.order else limits.shortfall(piece.problem, plan)
+        hard = not (status.endswith(" relaxed") or status == "fallback")
+        relaxed = 0.0 if hard else limits.shortfall(piece.problem, plan)
         if relaxed <= _KEPT:
             status, relaxed = status.removesuffix(" relaxed"), 0.0
         self._plan = plan + self._ahead(t)
@@ -258,33 +260,32 @@ class MPC:
                 linear = linearize(linear.dynamics, equilibrium, outputs=()).flexible
                 linear = below_sampling_limit(linear, self.dt, self._fast)
             piece = _Piece(linear, condense(linear, self.horizon, self.dt, self.weights), self.delay)
-            self._solver(piece, self.order[0], "")
+            self._solver(piece, self.solver, soft=False)
             self._pieces[knot] = piece
         return self._pieces[knot]
 
     def _solve(self, piece: _Piece, limits: Limits) -> tuple[np.ndarray, str, float]:
         """Plan (N, nu), status and KKT residual: hard problem first, then relaxed, then the shifted plan."""
-        qp = limits.assemble(piece.problem)
-        for suffix in ("", " relaxed"):
-            asked = relax(qp, self.horizon) if suffix else qp
-            for name in self.order:
-                solution = self._ask(piece, name, suffix, asked)
-                if solution.z is not None and solution.kkt <= _ACCEPT:
-                    plan = solution.z[: qp.f.size].reshape(self.horizon, -1)
-                    return plan, name + suffix, solution.kkt
-                if solution.status == "infeasible":
-                    break
+        hard, relaxed, infeasible = limits.assemble(piece.problem), None, False
+        for name, soft in order_of(self.solver):
+            if infeasible and not soft:
+                continue
+            relaxed = relax(hard, self.horizon) if soft and relaxed is None else relaxed
+            solution = self._ask(piece, name, soft, relaxed if soft and relaxed is not None else hard)
+            if solution.z is not None and solution.kkt <= _ACCEPT:
+                plan = solution.z[: hard.f.size].reshape(self.horizon, -1)
+                return plan, name + " relaxed" * soft, solution.kkt
+            infeasible = infeasible or solution.status == "infeasible"
         return self._shifted(limits), "fallback", np.nan
 
-    def _ask(self, piece: _Piece, name: str, suffix: str, qp: QP) -> Solution:
-        return self._solver(piece, name, suffix).solve(qp)
+    def _ask(self, piece: _Piece, name: str, soft: bool, qp: QP) -> Solution:
+        return self._solver(piece, name, soft=soft).solve(qp)
 
-    def _solver(self, piece: _Piece, name: str, suffix: str) -> Solver:
+    def _solver(self, piece: _Piece, name: str, *, soft: bool) -> Solver:
         """The solver set up for the problem at rest, never for one met on the way: answers must not know the past."""
-        if name + suffix not in piece.solvers:
-            rest = blank(piece.problem)
-            piece.solvers[name + suffix] = new_solver(name, relax(rest, self.horizon) if suffix else rest)
-        return piece.solvers[name + suffix]
+        if (name, soft) not in piece.solvers:
+            piece.solvers[name, soft] = new_solver(name, piece.problem, soft=soft)
+        return piece.solvers[name, soft]
 
     def _shifted(self, limits: Limits) -> np.ndarray:
         """Deviation plan that holds what the last plan would do next (or where the rest lengths are)."""

@@ -27,6 +27,8 @@ class QP:
     f : (n,)
     A : (r, n)
     lower, upper : (n + r,)
+    start : (nx + nu,) or None
+        Where a plan begins, for solvers that keep states as variables.
     """
 
     H: Float[np.ndarray, "n n"]
@@ -34,6 +36,7 @@ class QP:
     A: Float[np.ndarray, "r n"]
     lower: Float[np.ndarray, " n_plus_r"]
     upper: Float[np.ndarray, " n_plus_r"]
+    start: Float[np.ndarray, " s"] | None = None
 
     def objective(self, z: Float[np.ndarray, " n"]) -> float:
         """Value at z."""

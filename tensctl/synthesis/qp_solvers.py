@@ -1,4 +1,4 @@
-"""Solvers by name, each in its own file and imported when first asked for."""
+"""Solvers by name, each in its own file and imported when first asked for; and in which order they are asked."""
 
 from __future__ import annotations
 
@@ -6,20 +6,59 @@ import numpy as np
 
 from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.qp import QP, Solver
+from tensctl.synthesis.relaxed import curvature, relax
+
+SOLVERS = ("daqp", "osqp", "piqp", "clarabel")
 
 
-def new_solver(name: str, qp: QP) -> Solver:
-    """Set up the solver `daqp` or `osqp` for a problem; f and bounds may change afterwards."""
+def first_choice(stages: int, inputs: int, states: int) -> tuple[str, str]:
+    """The solver that "auto" asks first, and why.
+
+    Without acting limits an active set takes one product with all rows; an interior point factors every stage some 15
+    times. By that count it never is the first choice; it takes over where hundreds of limits act.
+    """
+    dense, staged = 4 * (stages * inputs) ** 2, 15 * 6 * stages * (states + inputs) ** 3
+    name = "daqp" if dense <= staged else "piqp"
+    return (
+        name,
+        f"{dense / 1e6:.2g} million operations in an active set at rest, {staged / 1e6:.2g} in an interior point",
+    )
+
+
+def order_of(first: str) -> tuple[tuple[str, bool], ...]:
+    """Who is asked in turn, and whether with floors that may give way.
+
+    An active set that gives up early hands over to the interior point, whose floors give way only where they have to.
+    """
+    hard = dict.fromkeys((first, "daqp"))
+    soft = dict.fromkeys(("piqp", "osqp", "daqp") if first == "daqp" else (first, "piqp", "osqp", "daqp"))
+    return (*((name, False) for name in hard), *((name, True) for name in soft))
+
+
+def new_solver(name: str, problem: Condensed, *, soft: bool) -> Solver:
+    """Set up a solver for a problem at rest, its floors with slack or without; f and bounds may change afterwards."""
+    if name in ("piqp", "clarabel"):
+        from tensctl.synthesis.qp_stages import Stages
+
+        stages = Stages(problem, curvature(problem.H) if soft else None)
+        if name == "piqp":
+            from tensctl.synthesis.qp_piqp import PiqpSolver
+
+            return PiqpSolver(stages)
+        from tensctl.synthesis.qp_clarabel import ClarabelSolver
+
+        return ClarabelSolver(stages)
+    rest = relax(_blank(problem), problem.horizon) if soft else _blank(problem)
     if name == "daqp":
-        from tensctl.synthesis.qp_daqp import DaqpSolver
+        from tensctl.synthesis.qp_daqp import QUICK, DaqpSolver
 
-        return DaqpSolver(qp)
+        return DaqpSolver(rest) if soft else DaqpSolver(rest, QUICK)
     from tensctl.synthesis.qp_osqp import OsqpSolver
 
-    return OsqpSolver(qp)
+    return OsqpSolver(rest)
 
 
-def blank(problem: Condensed) -> QP:
+def _blank(problem: Condensed) -> QP:
     """The problem at rest with room on every side: what a solver factors before the first step."""
     room = np.ones(problem.rows.shape[0] + problem.rows.shape[1])
     return QP(problem.H, np.zeros(problem.rows.shape[1]), problem.rows, -room, room)

@@ -18,6 +18,11 @@ _PRICE = 1e3
 _CURVATURE = 1.0
 
 
+def curvature(H: np.ndarray) -> float:
+    """Curvature on each slack."""
+    return _CURVATURE * float(np.abs(np.diag(H)).max())
+
+
 def relax(qp: QP, horizon: int) -> QP:
     """The problem with one slack a stage on its tension rows.
 
@@ -30,9 +35,9 @@ def relax(qp: QP, horizon: int) -> QP:
     """
     n, tensions = qp.f.size, qp.A.shape[0] - qp.f.size
     stage = np.kron(np.eye(horizon), np.ones((tensions // horizon, 1)))
-    largest = np.abs(np.diag(qp.H)).max()
+    largest = curvature(qp.H) / _CURVATURE
     H = np.zeros((n + horizon, n + horizon))
-    H[:n, :n], H[n:, n:] = qp.H, _CURVATURE * largest * np.eye(horizon)
+    H[:n, :n], H[n:, n:] = qp.H, curvature(qp.H) * np.eye(horizon)
     A = np.block([[qp.A[:tensions], stage], [qp.A[tensions:], np.zeros((n, horizon))]])
     price = _PRICE * max(np.abs(qp.f).max(), 1e-3 * largest * np.abs(qp.lower[n + tensions :]).max())
     return QP(
@@ -41,4 +46,5 @@ def relax(qp: QP, horizon: int) -> QP:
         A=A,
         lower=np.concatenate([qp.lower[:n], np.zeros(horizon), qp.lower[n:]]),
         upper=np.concatenate([qp.upper[:n], np.full(horizon, np.inf), qp.upper[n:]]),
+        start=qp.start,
     )

@@ -26,8 +26,8 @@ from tensctl.simulation.integrators.rosenbrock_step import linearise, stages, wi
 from tensctl.simulation.integrators.stiff_layout import Plan, Room, plan_steps, room_for
 
 # Switches are not told apart that come sooner than this after a step's start, over the time that it is: some hundred
-# times its rounding. A step that errors push below a tenth of it ends the run. Near zero, time has digits to spare, so it
-# counts as this part of the run there: a violent start is followed, however short it is.
+# times its rounding. A step that errors push below a tenth of it ends the run. Near zero, time has digits to spare: it
+# counts as this part of the run there, and a violent start is followed, however short it is.
 _SOONEST, _AT_LEAST = 1e-13, 1e-6
 # Parts of the band past a switch: where a shortened step aims, how far off it may end, and how far past a tendon
 # has to be to change over. The margin keeps tendons that carry next to nothing from chattering.
