@@ -5,8 +5,8 @@ planned equilibrium (`synthesis.condensed` states the problem). Rest lengths rea
 which begins when the computation is over: the state is predicted to then, with the command that is still under way.
 
 A step asks the first solver, judges the answer by its recomputed KKT residual, then asks the next one, in the order of
-`synthesis.qp_solvers`. When the tension floors cannot all be kept, they are relaxed by as little as possible and the step
-says by how much. Without any acceptable answer the last plan is shifted and clipped to the hard limits.
+`synthesis.qp_solvers`. When the tension floors cannot all be kept, they are relaxed by as little as possible and the
+step says by how much. Without any acceptable answer the last plan is shifted and clipped to the hard limits.
 """
 
 from __future__ import annotations

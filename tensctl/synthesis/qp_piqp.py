@@ -27,7 +27,7 @@ class PiqpSolver:
 
     name = "piqp"
 
-    def __init__(self, stages: Stages, tol: float = 1e-9) -> None:
+    def __init__(self, stages: Stages, tol: float = 1e-12) -> None:
         import piqp
 
         self._piqp, self._stages = piqp, stages
