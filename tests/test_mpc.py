@@ -95,7 +95,7 @@ class TestOptimum:
     def test_order_of_solvers(self):
         """Each is asked for the hard problem before any floor gives way, and each that was not, later."""
         for first in SOLVERS:
-            order = order_of(first)
+            order = order_of(first, 480)
             assert order[0] == (first, False)
             assert [soft for _, soft in order] == sorted(soft for _, soft in order)
             assert ("piqp", True) in order

@@ -267,7 +267,7 @@ class MPC:
     def _solve(self, piece: _Piece, limits: Limits) -> tuple[np.ndarray, str, float]:
         """Plan (N, nu), status and KKT residual: hard problem first, then relaxed, then the shifted plan."""
         hard, relaxed, infeasible = limits.assemble(piece.problem), None, False
-        for name, soft in order_of(self.solver):
+        for name, soft in order_of(self.solver, hard.f.size):
             if infeasible and not soft:
                 continue
             relaxed = relax(hard, self.horizon) if soft and relaxed is None else relaxed

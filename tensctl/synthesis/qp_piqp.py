@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensctl.synthesis.polish import polish
 from tensctl.synthesis.qp import QP, Solution, judged
 from tensctl.synthesis.qp_stages import Stages
 
@@ -55,4 +56,4 @@ class PiqpSolver:
         if status not in (self._piqp.PIQP_SOLVED, self._piqp.PIQP_MAX_ITER_REACHED):
             return judged(qp, None, None, "failed")
         z, y = self._stages.condensed(np.array(answer.x), answer.z_bu - answer.z_bl, answer.z_u - answer.z_l)
-        return judged(qp, z, y, "solved")
+        return polish(qp, judged(qp, z, y, "solved"))

@@ -9,6 +9,8 @@ from tensctl.synthesis.qp import QP, Solver
 from tensctl.synthesis.relaxed import curvature, relax
 
 SOLVERS = ("daqp", "osqp", "piqp", "clarabel")
+# Up to so many variables an active set is the faster one even with all limits acting.
+_FEW = 100
 
 
 def first_choice(stages: int, inputs: int, states: int) -> tuple[str, str]:
@@ -25,13 +27,14 @@ def first_choice(stages: int, inputs: int, states: int) -> tuple[str, str]:
     )
 
 
-def order_of(first: str) -> tuple[tuple[str, bool], ...]:
+def order_of(first: str, variables: int) -> tuple[tuple[str, bool], ...]:
     """Who is asked in turn, and whether with floors that may give way.
 
     An active set that gives up early hands over to the interior point, whose floors give way only where they have to.
     """
     hard = dict.fromkeys((first, "daqp"))
-    soft = dict.fromkeys(("piqp", "osqp", "daqp") if first == "daqp" else (first, "piqp", "osqp", "daqp"))
+    patient = ("piqp", "osqp", "daqp") if variables > _FEW else ("daqp", "piqp", "osqp")
+    soft = dict.fromkeys(patient if first == "daqp" else (first, *patient))
     return (*((name, False) for name in hard), *((name, True) for name in soft))
 
 
