@@ -48,11 +48,15 @@ def doubling(A: Square, G: Square, H: Square, enough: float = _DONE) -> Square:
     """
     eye, drive = np.eye(len(A)), np.linalg.norm(G)
     for _ in range(_STEPS):
-        W = inverse(eye + G @ H)
-        forward, carried = W @ A, A @ W
+        if enough > _DONE:  # refined afterwards, so an inverse is good enough, in two thirds of the time
+            W = inverse(eye + G @ H)
+            forward, spread = W @ A, W @ (G @ A.conj().T)
+        else:
+            solved = np.linalg.solve(eye + G @ H, np.hstack([A, G @ A.conj().T]))
+            forward, spread = np.split(solved, 2, axis=1)
         growth = A.conj().T @ (H @ forward)
-        G = hermitian(G + carried @ (G @ A.conj().T))
-        A, H = carried @ A, hermitian(H + growth)
+        G = hermitian(G + A @ spread)
+        A, H = A @ forward, hermitian(H + growth)
         with np.errstate(over="ignore"):
             size, left = np.linalg.norm(H), np.linalg.norm(A)
         if not np.isfinite(size):
