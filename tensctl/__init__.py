@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         Move,
         controllability,
         harmonic_controllability,
+        harmonic_observability,
         move,
         observability,
     )
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
         TensctlError,
     )
     from tensctl.interop.io_system import TensegritySystem, iosystem
-    from tensctl.linear import HarmonicModel, LinearModel, Mix, SecondOrder, harmonics, linearize
+    from tensctl.linear import HarmonicModel, LinearModel, Mix, SecondOrder, harmonic_outputs, harmonics, linearize
     from tensctl.model import Dynamics, build_dynamics
     from tensctl.pipeline import run
     from tensctl.scene import Scene, load_scene
@@ -93,6 +94,7 @@ _HOME = {
         "Move",
         "controllability",
         "harmonic_controllability",
+        "harmonic_observability",
         "move",
         "observability",
     ),
@@ -108,7 +110,15 @@ _HOME = {
         "TensctlError",
     ),
     "tensctl.interop.io_system": ("TensegritySystem", "iosystem"),
-    "tensctl.linear": ("HarmonicModel", "LinearModel", "Mix", "SecondOrder", "harmonics", "linearize"),
+    "tensctl.linear": (
+        "HarmonicModel",
+        "LinearModel",
+        "Mix",
+        "SecondOrder",
+        "harmonic_outputs",
+        "harmonics",
+        "linearize",
+    ),
     "tensctl.model": ("Dynamics", "build_dynamics"),
     "tensctl.pipeline": ("run",),
     "tensctl.scene": ("Scene", "load_scene"),
@@ -214,6 +224,8 @@ __all__ = [
     "find_equilibrium",
     "harmonic_controllability",
     "harmonic_lqr",
+    "harmonic_observability",
+    "harmonic_outputs",
     "harmonics",
     "inspect_run",
     "inverse_statics",

@@ -64,11 +64,12 @@ class TestModel:
         assert np.abs(seen.T @ seen - np.eye(48)).max() < 1e-9
 
 
-class TestFilter:
-    @pytest.fixture(scope="class")
-    def found(self, mast, eyes):
-        return offset_filter(disturbed(mast[2].flexible, eyes, DT), 0.01, 1.0)
+@pytest.fixture(scope="module")
+def found(mast, eyes):
+    return offset_filter(disturbed(mast[2].flexible, eyes, DT), 0.01, 1.0)
 
+
+class TestFilter:
     def test_missing_rows_against_the_information_form(self, found, rng):
         """The posterior of a Gaussian: P^-1 + H'V^-1 H, and its mean, with the rows that are there only."""
         y = 1e-3 * rng.standard_normal(48)

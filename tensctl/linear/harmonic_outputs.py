@@ -118,25 +118,6 @@ class HarmonicOutputs:
             at += orbit.rows.size
         return total
 
-    def of_sector(self, values: Float[np.ndarray, " ny"], name: str, tol: float = 1e-9) -> Float[np.ndarray, " y"]:
-        """What belongs to the outputs of the first sector, where all images have the same.
-
-        Raises
-        ------
-        LinearizationError
-            With the spread, where they do not.
-        """
-        groups = [values[orbit.places] for orbit in self.orbits]
-        for orbit, group in zip(self.orbits, groups, strict=True):
-            alike = group.reshape(self.model.order, -1, 3) if orbit.kind == "nodes" else group[..., None]
-            spread, largest = np.ptp(alike, axis=(0, 2)).max(initial=0.0), np.abs(values).max(initial=0.0)
-            if spread > tol * largest:
-                raise LinearizationError(
-                    f"{name} of {orbit.kind} differs from sector to sector, or between the axes of a node, by "
-                    f"{spread / largest:.0e} of the largest; give each image the same, or use the dense model."
-                )
-        return np.concatenate([group[0] for group in groups])
-
     def _turned(self, orbit: Orbits, values: np.ndarray, *, back: bool) -> np.ndarray:
         """Positions (n, y, ...) in axes that turn with the sectors, or turned forth to the world's."""
         if orbit.kind != "nodes":

@@ -5,7 +5,7 @@
 All inputs may be multiplied at once by gains between (2 - alpha)/(2 + alpha) and its inverse, or turned by phases up to
 2 atan(alpha/2), and the loop stays stable (Seiler, Packard and Gahinet, IEEE Control Syst. Mag. 40(5), 2020). With one
 input at a time S_ii takes the place of S. The maximum is searched on a grid that holds every pole's frequency, then
-refined; `enclosure` then proves by eigenvalues that no peak between its points was missed.
+refined; `enclosure` then tells from eigenvalues whether a peak between its points was missed.
 """
 
 from __future__ import annotations
