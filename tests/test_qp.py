@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import replaced
 
-from tensctl.synthesis.qp import QP
+from tensctl.synthesis.polish import polish
+from tensctl.synthesis.qp import QP, judged
 from tensctl.synthesis.qp_daqp import DaqpSolver
 from tensctl.synthesis.qp_osqp import OsqpSolver
 from tensctl.synthesis.relaxed import relax
@@ -148,3 +149,25 @@ class TestRelaxed:
         one, other = DaqpSolver(hard).solve(hard), DaqpSolver(soft).solve(soft)
         assert other.z[4:] == pytest.approx([0, 0], abs=1e-12)
         assert other.z[:4] == pytest.approx(one.z, abs=1e-9)
+
+
+class TestPolish:
+    @given(seed=seeds)
+    def test_from_near_to_exact(self, seed):
+        """An answer that an interior point might have stopped at, a millionth off, becomes the optimum."""
+        qp, z, y = known(seed)
+        rng = np.random.default_rng(seed)
+        near = judged(qp, z + 1e-6 * rng.standard_normal(z.size), y + 1e-6 * rng.random(y.size), "solved")
+        assert near.kkt > 1e-9
+        assert np.abs(polish(qp, near).z - z).max() < 1e-11
+
+    @given(seed=seeds)
+    def test_a_wrong_set_of_limits_is_corrected_or_the_answer_is_left(self, seed):
+        """Started from the optimum without limits, never worse than that."""
+        qp, _, y = known(seed)
+        far = judged(qp, np.linalg.solve(qp.H, -qp.f), np.full(y.size, 1e-3), "solved")
+        assert polish(qp, far).kkt <= far.kkt
+
+    def test_nothing_found_is_nothing_polished(self):
+        none = judged(known(1)[0], None, None, "infeasible")
+        assert polish(known(1)[0], none) is none

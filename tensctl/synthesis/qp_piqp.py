@@ -28,7 +28,7 @@ class PiqpSolver:
 
     name = "piqp"
 
-    def __init__(self, stages: Stages, tol: float = 1e-12) -> None:
+    def __init__(self, stages: Stages, tol: float = 1e-10) -> None:
         import piqp
 
         self._piqp, self._stages = piqp, stages
