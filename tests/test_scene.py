@@ -174,8 +174,8 @@ SENTENCES = [
     ),
     ({"mpc": {"horizon": 0}}, "mpc.horizon is 0; expected a whole number >= 1 (control periods)."),
     ({"mpc": {"solver": "qp"}}, 'mpc.solver is "qp"; expected "auto", "daqp", "osqp", "piqp" or "clarabel".'),
-    ({"target": {}}, "target.height_scale is missing; expected a finite number > 0 (of the height at rest)."),
-    ({"target": {"twist": 1}}, "target.twist is planned, but not supported yet."),
+    ({"target": {}}, "target names no shape; expected height_scale, twist, tip or nodes."),
+    ({"target": {"tilt": 1}}, "target.tilt is planned, but not supported yet."),
     ({"sweep": {}}, "sweep is planned, but not supported yet."),
     ({"lgr": {}}, "lgr is no key of a scene; did you mean lqr?"),
     (

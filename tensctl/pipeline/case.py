@@ -10,7 +10,7 @@ from tensctl.pipeline.results import Results
 from tensctl.report import Case, Check, Height, Limits, MpcCheck
 from tensctl.report import Push as ShownPush
 from tensctl.structure import matches
-from tensctl.synthesis import LQG, shell_height
+from tensctl.synthesis import LQG, shell_height, shell_rings
 
 # Time after the last planned motion or push before the shape is judged, s.
 _SETTLING = 3.0
@@ -126,7 +126,7 @@ def _limits(results: Results) -> Limits | None:
 
 
 def _height(results: Results) -> Height | None:
-    if results.path is None or results.run is None:
+    if results.path is None or results.run is None or shell_rings(results.structure) is None:
         return None
     height = shell_height(results.structure)
     return Height(

@@ -109,12 +109,15 @@ def _target(results: Results) -> dict | None:
     path = results.path
     if path is None:
         return None
-    from tensctl.synthesis import shell_height
+    from tensctl.synthesis import shell_height, shell_rings
 
-    height = shell_height(results.structure)
-    return {
-        "height_before_m": height.of(path.equilibria[0].nodes),
-        "height_wanted_m": height.of(path.target_nodes),
+    facts: dict = {}
+    if shell_rings(results.structure) is not None:
+        height = shell_height(results.structure)
+        facts["height_before_m"] = height.of(path.equilibria[0].nodes)
+        facts["height_wanted_m"] = height.of(path.target_nodes)
+    return facts | {
+        "wanted": {feature.name: feature.of(path.target_nodes) for feature in path.features},
         "largest_rest_length_change_m": float(np.abs(path.target.inputs).max()),
         "lowest_tension_N": float(path.tensions[:, ~path.target.structure.grounded_tendons].min()),
         "fastest_reference_m_per_s": path.fastest,

@@ -115,13 +115,24 @@ class MpcStage(Section):
 
 
 class TargetStage(Section):
-    """`[target]`: where the shape should go, and when."""
+    """`[target]`: where the shape should go, and when; what is not named goes where the least change takes it."""
 
-    not_yet: ClassVar[tuple[str, ...]] = ("nodes", "twist", "tip")
+    not_yet: ClassVar[tuple[str, ...]] = ("tilt",)
 
-    height_scale: Annotated[float, Number("of the height at rest", above=0)]
+    height_scale: Annotated[float | None, Number("of the height at rest", above=0)] = None
+    twist: Annotated[float | None, Number("rad, of the top ring about z")] = None
+    tip: Annotated[tuple[float, ...] | None, Numbers("m, of the top ring's centre along x and y")] = None
+    nodes: Annotated[Mapping[str, tuple[float, float, float]] | None, Table(Vector("m"))] = None
     start: Annotated[float, Number("s", least=0)] = 0.0
     duration: Annotated[float, Number("s", above=0)] = 3.0
+
+    @model_validator(mode="after")
+    def _names_a_shape(self) -> Self:
+        if self.tip is not None and len(self.tip) != 2:
+            raise complaint(f"is {shown(self.tip)}; expected two numbers, along x and y (m)", "tip")
+        if self.height_scale is None and self.twist is None and self.tip is None and not self.nodes:
+            raise complaint("names no shape; expected height_scale, twist, tip or nodes")
+        return self
 
 
 class PushRequest(Section):

@@ -11,7 +11,7 @@ from tensctl.synthesis.path import ShapePath, plan_shape
 from tensctl.synthesis.riccati import Riccati, care, dare
 from tensctl.synthesis.sensors import Reading, Sensors, sensors
 from tensctl.synthesis.stabilisable import LeftOut
-from tensctl.synthesis.target import Height, shell_height
+from tensctl.synthesis.target import Feature, Linear, Twist, shell_height, shell_rings
 from tensctl.synthesis.truncate import ReducedModel, truncate
 from tensctl.synthesis.weights import Cost, weights
 
@@ -21,9 +21,10 @@ __all__ = [
     "MPC",
     "Condensed",
     "Cost",
+    "Feature",
     "HarmonicLQR",
-    "Height",
     "LeftOut",
+    "Linear",
     "OutputMPC",
     "Reading",
     "ReducedModel",
@@ -32,6 +33,7 @@ __all__ = [
     "Sensors",
     "ShapePath",
     "StepRecord",
+    "Twist",
     "Weights",
     "care",
     "condense",
@@ -42,6 +44,7 @@ __all__ = [
     "plan_shape",
     "sensors",
     "shell_height",
+    "shell_rings",
     "truncate",
     "weights",
 ]

@@ -1,7 +1,7 @@
 """A shape path: equilibria from one shape to another, over time.
 
-Heights rise with the minimum-jerk profile s = 10 r^3 - 15 r^4 + 6 r^5, r = (t - start)/duration; between the planned
-equilibria rest lengths and nodes follow cubic splines, nodes on the rods' manifold.
+What is wanted of the shape changes with the minimum-jerk profile s = 10 r^3 - 15 r^4 + 6 r^5, r = (t - start)/duration;
+between the planned equilibria rest lengths and nodes follow cubic splines, nodes on the rods' manifold.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from jaxtyping import Float
 from tensctl.errors import SynthesisError
 from tensctl.statics import Equilibrium, find_equilibrium
 from tensctl.synthesis.shape import ShapeProblem
-from tensctl.synthesis.target import shell_height, wanted_target
+from tensctl.synthesis.target import Feature, features_of, wanted_target
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene, TargetStage
@@ -36,15 +36,18 @@ class ShapePath:
     Attributes
     ----------
     equilibria : tuple of Equilibrium
-        At equal steps of height, first to last.
+        At equal steps of every feature, first to last.
     start, duration : float, s
     description : str
+    features : tuple of Feature
+        What was wanted: height, twist, tip, coordinates of nodes.
     """
 
     equilibria: tuple[Equilibrium, ...]
     start: float
     duration: float
     description: str
+    features: tuple[Feature, ...] = ()
 
     @property
     def time(self) -> Float[np.ndarray, " k"]:
@@ -144,7 +147,7 @@ class ShapePath:
 
 def plan_shape(
     scene: Scene,
-    target: float | Mapping[str, float] | TargetStage | None = None,
+    target: float | Mapping[str, object] | TargetStage | None = None,
     *,
     start: Equilibrium | None = None,
     tension_min: float | None = None,
@@ -155,7 +158,8 @@ def plan_shape(
     Parameters
     ----------
     scene : Scene
-        `[target]` gives `height_scale`, `start` and `duration`; `[mpc]` gives `tension_min` and `rate_max`.
+        `[target]` gives `height_scale`, `twist`, `tip` or `nodes`, or several, with `start` and `duration`; `[mpc]`
+        gives `tension_min` and `rate_max`.
     target : float, or table with the keys of `[target]`, optional
         Height over the equilibrium's height; the scene's own target by default.
     start : Equilibrium, optional
@@ -171,22 +175,20 @@ def plan_shape(
     start = find_equilibrium(scene) if start is None else start
     if not start.stable:
         raise SynthesisError(f"a path starts from a stable equilibrium, and this one is: {start.stable}.")
-    wanted, height = wanted_target(scene, target), shell_height(start.structure)
+    wanted = wanted_target(scene, target)
     if tension_min is None:
         tension_min = 0.0 if scene.mpc is None else scene.mpc.tension_min
     if rate_max is None and scene.mpc is not None:
         rate_max = scene.mpc.rate_max
-    problem, before = ShapeProblem(height, tension_min), height.of(start.nodes)
-    if not before > 0:
-        raise SynthesisError(
-            f"the structure hangs below its base (height {before:.4g} m), so it cannot stand taller or lower; "
-            "stiffen the tendons, or lower gravity and loads."
-        )
-    equilibria = [start]
+    asked = features_of(wanted, start.structure, start.nodes)
+    features, ends = tuple(feature for feature, _ in asked), np.array([end for _, end in asked])
+    begins = np.array([feature.of(start.nodes) for feature in features])
+    problem, equilibria = ShapeProblem(features, tension_min), [start]
     for share in np.linspace(0, 1, _KNOTS)[1:]:
-        equilibria.append(problem.solve(equilibria[-1], before * (1 + share * (wanted.height_scale - 1))))
-    text = f"height {before:.4f} m to {before * wanted.height_scale:.4f} m, least rest-length change"
-    path = ShapePath(tuple(equilibria), wanted.start, wanted.duration, text)
+        equilibria.append(_next(problem, equilibria[-1], begins + share * (ends - begins), share))
+    ways = [_way(*way) for way in zip(features, begins, ends, strict=True)]
+    text = f"{'; '.join(ways)}; least rest-length change"
+    path = ShapePath(tuple(equilibria), wanted.start, wanted.duration, text, features)
     if rate_max is not None and path.fastest > rate_max:
         needed = wanted.duration * path.fastest / rate_max
         raise SynthesisError(
@@ -194,6 +196,23 @@ def plan_shape(
             f"rate_max = {rate_max:g} m/s; allow {needed:.3g} s or more."
         )
     return path
+
+
+def _way(feature: Feature, begin: float, end: float) -> str:
+    """In words, "height 1.3548 m to 1.6258 m"; rounding shows no minus zero."""
+    name, unit = feature.name.split(", ")
+    return f"{name} {round(begin, 4) + 0.0:.4f} {unit} to {round(end, 4) + 0.0:.4f} {unit}"
+
+
+def _next(problem: ShapeProblem, now: Equilibrium, values: np.ndarray, share: float) -> Equilibrium:
+    """The next planned equilibrium; where there is none, how far the way leads and what is at its limit there."""
+    try:
+        return problem.solve(now, values)
+    except SynthesisError as error:
+        done = share - 1 / (_KNOTS - 1)
+        raise SynthesisError(
+            f"{error} The way leads {100 * done:.0f} % there, where {problem.at_limit(now)}."
+        ) from None
 
 
 def _profile(r: np.ndarray) -> np.ndarray:

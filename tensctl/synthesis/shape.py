@@ -1,6 +1,6 @@
 """Rest lengths for a new shape: least change of u along equilibria whose tensions stay above a floor.
 
-    minimise |u|^2   subject to   h(p(u)) = wanted,   T(u) >= tension_min,   L0 - u >= floor
+    minimise |u|^2   subject to   h(p(u)) = wanted (each feature),   T(u) >= tension_min,   L0 - u >= floor
 
 p(u) is the equilibrium itself, so every iterate balances. Sequential quadratic programming with the exact static
 influence dp/du = J Phi diag(1/omega^2) Phi'G: constraints converge as Newton does, the minimum linearly. The curvature
@@ -19,14 +19,14 @@ from tensctl.errors import EquilibriumError, SynthesisError
 from tensctl.statics import Equilibrium, settle, stretch_map
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
-from tensctl.synthesis.target import Height
+from tensctl.synthesis.target import Feature
 from tensctl.threads import one_blas_thread
 
 _STEPS = 200
-# The height is met to this part of itself; the least change of u to this part of its largest entry.
-_HEIGHT = 1e-12
+# Features, in metres, are met to this part of the structure's size; the least change of u to this part of its largest.
+_MET = 1e-12
 _CHANGE = 1e-6
-# Misfits smaller than this part of the height may grow a little from step to step.
+# Misfits smaller than this part of the size may grow a little from step to step.
 _NEAR = 1e-6
 
 
@@ -36,16 +36,16 @@ class ShapeProblem:
 
     Attributes
     ----------
-    height : Height
+    features : tuple of Feature
     tension_min : float, N
     """
 
-    height: Height
+    features: tuple[Feature, ...]
     tension_min: float
 
     @one_blas_thread()
-    def solve(self, start: Equilibrium, wanted: float) -> Equilibrium:
-        """The equilibrium of the wanted height with the least rest-length change.
+    def solve(self, start: Equilibrium, wanted: np.ndarray) -> Equilibrium:
+        """The equilibrium with the wanted values of the features, (k,), and the least rest-length change.
 
         Raises
         ------
@@ -59,29 +59,54 @@ class ShapeProblem:
             step = self._next_inputs(now, wanted, sigma) - now.inputs
             step *= min(1.0, limit / max(np.abs(step).max(initial=0.0), 1e-300))
             following = _settled(now, now.inputs + step)
-            if following is None or self._misfit(following, wanted) > self._misfit(now, wanted) + _NEAR * abs(wanted):
+            if following is None or self._misfit(following, wanted) > self._misfit(now, wanted) + _NEAR * _size(now):
                 limit = 0.25 * np.abs(step).max()
                 continue
             limit = min(2 * limit, self._reach(now))
             if step @ before < 0 and np.linalg.norm(step) > 0.3 * np.linalg.norm(before):
                 sigma = 2 * sigma + 0.5
             now, before = following, step
-            met = abs(self.height.of(now.nodes) - wanted) <= _HEIGHT * abs(wanted)
+            met = np.abs(self._error(now, wanted)).max() <= _MET * _size(now)
             if met and np.abs(step).max() <= _CHANGE * max(np.abs(now.inputs).max(), 1e-300):
                 return now
         raise SynthesisError(
-            f"no rest lengths were found for a height of {wanted:.4g} m with tensions above {self.tension_min:g} N; "
-            f"the last try stood {self.height.of(now.nodes):.4g} m high; ask for less, or lower tension_min."
+            f"no rest lengths were found for {self._said(wanted)} with tensions above {self.tension_min:g} N; "
+            f"the last try has {self._said(self._values(now))}; ask for less, or lower tension_min."
         )
+
+    def at_limit(self, now: Equilibrium) -> str:
+        """Tendons whose tension or rest length is at its floor, in words."""
+        kept, members = ~now.structure.grounded_tendons, now.potential.members
+        low = kept & (now.tensions <= self.tension_min * (1 + 1e-6) + 1e-9 * now.tensions.max(initial=0.0))
+        short = now.rest_lengths <= members.floors * (1 + 1e-6)
+        said = [
+            f"{', '.join(np.array(now.structure.tendon_labels)[found][:4])} {'...' if found.sum() > 4 else ''}".strip()
+            + f" at {limit}"
+            for found, limit in ((low, "tension_min"), (short, "the least rest length"))
+            if found.any()
+        ]
+        return " and ".join(said) or "no tendon is at a limit yet"
+
+    def _values(self, now: Equilibrium) -> np.ndarray:
+        return np.array([feature.of(now.nodes) for feature in self.features])
+
+    def _error(self, now: Equilibrium, wanted: np.ndarray) -> np.ndarray:
+        """What every feature has too much, m."""
+        return np.array([feature.lever for feature in self.features]) * (self._values(now) - wanted)
+
+    def _said(self, values: np.ndarray) -> str:
+        """Features and values in words: "height 1.2 m"."""
+        named = [feature.name.split(", ") for feature in self.features]
+        return ", ".join(f"{name} {value:.4g} {unit}" for (name, unit), value in zip(named, values, strict=True))
 
     def _reach(self, start: Equilibrium) -> float:
         """Largest change of one rest length in one iteration, m: a tenth of the shortest."""
         return 0.1 * float(start.rest_lengths.min())
 
-    def _misfit(self, now: Equilibrium, wanted: float) -> float:
-        """Height error plus the worst missing tension over its tendon's stiffness, m: what a step may not raise."""
+    def _misfit(self, now: Equilibrium, wanted: np.ndarray) -> float:
+        """Errors of the features plus the worst missing tension over its stiffness, m: what a step may not raise."""
         missing = -self._margin(now)[~now.structure.grounded_tendons].min(initial=0.0)
-        return abs(self.height.of(now.nodes) - wanted) + float(missing)
+        return float(np.abs(self._error(now, wanted)).sum() + missing)
 
     def _margin(self, now: Equilibrium) -> np.ndarray:
         """Length beyond what the tension floor asks for, m: l - L - T/k, or l - L (1 + T/EA); also of slack tendons."""
@@ -101,28 +126,34 @@ class ShapeProblem:
         members = now.potential.members
         return self.tension_min / members.stiffness if members.law == "k" else np.zeros_like(now.lengths)
 
-    def _next_inputs(self, now: Equilibrium, wanted: float, sigma: float) -> np.ndarray:
+    def _next_inputs(self, now: Equilibrium, wanted: np.ndarray, sigma: float) -> np.ndarray:
         members, reach = now.potential.members, static_influence(now)
-        rise = (now.point.tangent @ reach).T @ self.height.gradient.ravel()
+        slopes = np.stack([feature.lever * feature.slope(now.nodes).ravel() for feature in self.features])
+        rise = slopes @ (now.point.tangent @ reach)
         kept = ~now.structure.grounded_tendons
         slope = self._margin_slope(now, reach)[kept]
         rows = np.vstack([rise, slope])
         u = now.inputs
         low_tension = slope @ u - self._margin(now)[kept]
-        target = wanted - self.height.of(now.nodes) + rise @ u
+        target = rise @ u - self._error(now, wanted)
         lower, upper = members.input_bounds
         qp = QP(
             H=(1 + sigma) * np.eye(u.size), f=-sigma * u, A=rows,
-            lower=np.concatenate([lower, [target], low_tension]),
-            upper=np.concatenate([upper, [target], np.full(kept.sum(), np.inf)]),
+            lower=np.concatenate([lower, target, low_tension]),
+            upper=np.concatenate([upper, target, np.full(kept.sum(), np.inf)]),
         )  # fmt: skip
         solution = DaqpSolver(qp).solve(qp)
         if solution.z is None:
             raise SynthesisError(
-                f"no small rest-length change brings the height from {self.height.of(now.nodes):.4g} m towards "
-                f"{wanted:.4g} m with tensions above {self.tension_min:g} N; ask for less, or lower tension_min."
+                f"no small rest-length change leads from {self._said(self._values(now))} towards "
+                f"{self._said(wanted)} with tensions above {self.tension_min:g} N; ask for less, or lower tension_min."
             )
         return solution.z
+
+
+def _size(now: Equilibrium) -> float:
+    """Largest extent along an axis, m."""
+    return float(np.ptp(now.nodes, axis=0).max())
 
 
 def _settled(now: Equilibrium, inputs: np.ndarray) -> Equilibrium | None:

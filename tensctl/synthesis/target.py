@@ -1,14 +1,21 @@
-"""The wanted shape as one number: mean axial distance from the base ring's nodes to the top ring's."""
+"""What is wanted of a shape: numbers that its nodes have, each with its gradient.
+
+height   mean z of the top ring's P4 less mean z of the base ring's P1
+tip      mean x, mean y of the top ring less those of the base ring
+twist    atan2(sum a x b, sum a . b) of the top ring less that of the base ring, a at rest and b now, seen along z,
+         a from the ring's centre: the turn that brings the ring at rest nearest to the ring now
+nodes    single coordinates
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from tensctl.errors import SynthesisError
 from tensctl.scene import TargetStage
@@ -20,24 +27,96 @@ if TYPE_CHECKING:
 _NODE = re.compile(r"P([1-4])_(\d+)_(\d+)")
 
 
+class Feature(Protocol):
+    """A number that a shape has, how it is called, and the metres that one unit of it moves a node."""
+
+    @property
+    def name(self) -> str:
+        """Name and unit, as in "height, m"."""
+        ...
+
+    @property
+    def lever(self) -> float:
+        """Metres per unit."""
+        ...
+
+    def of(self, nodes: np.ndarray) -> float:
+        """Value at the given nodes."""
+        ...
+
+    def slope(self, nodes: np.ndarray) -> np.ndarray:
+        """Gradient at the given nodes, (N, 3)."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
-class Height:
-    """Height of a shell: a linear function of the nodes.
+class Linear:
+    """A linear function of the nodes, in metres: height, sideways place of the tip, one coordinate.
 
     Attributes
     ----------
+    name : str
     gradient : (N, 3)
-        d(height)/d(nodes).
     """
 
+    name: str
     gradient: Float[np.ndarray, "nodes 3"]
+    lever: float = 1.0
 
     def of(self, nodes: Float[np.ndarray, "nodes 3"]) -> float:
-        """Height at the given nodes, m."""
+        """Value at the given nodes, m."""
         return float((self.gradient * nodes).sum())
 
+    def slope(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "nodes 3"]:
+        """The same everywhere."""
+        return self.gradient
 
-def shell_height(structure: Structure) -> Height:
+
+@dataclass(frozen=True, eq=False)
+class Twist:
+    """Turn of the top ring about z against the base ring, since rest, rad, from -2 pi to 2 pi.
+
+    Attributes
+    ----------
+    base, top : (N, 3) m
+        Places of each ring's nodes from its centre at rest, seen along z; zero at other nodes.
+    """
+
+    base: Float[np.ndarray, "nodes 3"]
+    top: Float[np.ndarray, "nodes 3"]
+    name: str = "twist, rad"
+
+    @property
+    def lever(self) -> float:
+        """Radius of the top ring, m."""
+        return float(np.linalg.norm(self.top, axis=1).max())
+
+    def of(self, nodes: Float[np.ndarray, "nodes 3"]) -> float:
+        """Value at the given nodes, rad."""
+        return _turn(self.top, nodes)[0] - _turn(self.base, nodes)[0]
+
+    def slope(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "nodes 3"]:
+        """Gradient, rad/m."""
+        return _turn(self.top, nodes)[1] - _turn(self.base, nodes)[1]
+
+
+def _turn(rest: np.ndarray, nodes: np.ndarray) -> tuple[float, np.ndarray]:
+    """Angle and gradient; places at rest sum to zero, so that the centre of the ring now drops out."""
+    across = np.stack([-rest[:, 1], rest[:, 0], np.zeros(len(rest))], axis=1)
+    sine, cosine = float((across * nodes).sum()), float((rest * nodes).sum())
+    return float(np.arctan2(sine, cosine)), (cosine * across - sine * rest) / (sine**2 + cosine**2)
+
+
+def shell_rings(structure: Structure) -> tuple[Bool[np.ndarray, " nodes"], Bool[np.ndarray, " nodes"]] | None:
+    """Nodes P1 of the first stage and P4 of the last, or None when nodes are not labelled as a shell's."""
+    found = [_NODE.fullmatch(label) for label in structure.node_labels]
+    stages = [int(match[3]) for match in found if match]
+    base = np.array([bool(match) and match[1] == "1" and match[3] == "1" for match in found])
+    top = np.array([bool(match) and match[1] == "4" and int(match[3]) == max(stages) for match in found])
+    return (base, top) if base.any() and top.any() else None
+
+
+def shell_height(structure: Structure) -> Linear:
     """Height from P1 of the first stage to P4 of the last, along z.
 
     Raises
@@ -45,21 +124,77 @@ def shell_height(structure: Structure) -> Height:
     SynthesisError
         When the nodes are not labelled as a shell's.
     """
-    found = [_NODE.fullmatch(label) for label in structure.node_labels]
-    stages = [int(match[3]) for match in found if match]
-    base = np.array([bool(match) and match[1] == "1" and match[3] == "1" for match in found])
-    top = np.array([bool(match) and match[1] == "4" and int(match[3]) == max(stages) for match in found])
-    if not (base.any() and top.any()):
-        raise SynthesisError(
-            "target.height_scale needs a shell with base nodes P1_i_1 and top nodes P4_i_m; this structure has none."
-        )
+    return _between_rings(structure, 2, "height_scale", "height, m")
+
+
+def features_of(wanted: TargetStage, structure: Structure, nodes: np.ndarray) -> list[tuple[Feature, float]]:
+    """Every feature that a target names, and its value in the end, for a path that begins at the given nodes.
+
+    Raises
+    ------
+    SynthesisError
+        A feature that this structure does not have.
+    """
+    found: list[tuple[Feature, float]] = []
+    if wanted.height_scale is not None:
+        height = shell_height(structure)
+        found.append((height, _standing(height.of(nodes)) * wanted.height_scale))
+    if wanted.twist is not None:
+        base, top = _rings(structure, "twist")
+        twist = Twist(_from_centre(nodes, base), _from_centre(nodes, top))
+        found.append((twist, wanted.twist))
+    if (wanted.tip is not None or wanted.nodes is not None) and not structure.held.any():
+        key = "nodes" if wanted.tip is None else "tip"
+        raise SynthesisError(f"target.{key} needs pins: this structure is free, so its place is not its shape.")
+    for axis, by in enumerate(wanted.tip or ()):
+        sideways = _between_rings(structure, axis, "tip", f"tip {'xy'[axis]}, m")
+        found.append((sideways, sideways.of(nodes) + by))
+    for label, place in (wanted.nodes or {}).items():
+        found += [(_coordinate(structure, label, axis), value) for axis, value in enumerate(place)]
+    return found
+
+
+def _coordinate(structure: Structure, label: str, axis: int) -> Linear:
+    if label not in structure.node_labels:
+        raise SynthesisError(f"target.nodes names {label}, which is no node of this structure.")
     gradient = np.zeros_like(structure.nodes)
-    gradient[base, 2] -= 1 / base.sum()
-    gradient[top, 2] += 1 / top.sum()
-    return Height(gradient)
+    gradient[structure.node_labels.index(label), axis] = 1.0
+    return Linear(f"{label} {'xyz'[axis]}, m", gradient)
 
 
-def wanted_target(scene: Scene, asked: float | Mapping[str, float] | TargetStage | None) -> TargetStage:
+def _between_rings(structure: Structure, axis: int, key: str, name: str) -> Linear:
+    base, top = _rings(structure, key)
+    gradient = np.zeros_like(structure.nodes)
+    gradient[base, axis] -= 1 / base.sum()
+    gradient[top, axis] += 1 / top.sum()
+    return Linear(name, gradient)
+
+
+def _rings(structure: Structure, key: str) -> tuple[np.ndarray, np.ndarray]:
+    rings = shell_rings(structure)
+    if rings is None:
+        raise SynthesisError(
+            f"target.{key} needs a shell with base nodes P1_i_1 and top nodes P4_i_m; this structure has none."
+        )
+    return rings
+
+
+def _from_centre(nodes: np.ndarray, ring: np.ndarray) -> np.ndarray:
+    places = np.zeros_like(nodes)
+    places[ring, :2] = nodes[ring, :2] - nodes[ring, :2].mean(axis=0)
+    return places
+
+
+def _standing(height: float) -> float:
+    if not height > 0:
+        raise SynthesisError(
+            f"the structure hangs below its base (height {height:.4g} m), so it cannot stand taller or lower; "
+            "stiffen the tendons, or lower gravity and loads."
+        )
+    return height
+
+
+def wanted_target(scene: Scene, asked: float | Mapping[str, object] | TargetStage | None) -> TargetStage:
     """The target of a call, or the scene's own, checked as a scene's `[target]` is.
 
     Raises
