@@ -5,7 +5,6 @@ import os
 import pickle
 import subprocess
 import sys
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -14,30 +13,18 @@ from tensctl.jit import bare
 from tensctl.simulation.integrators.kept import Kept, opened
 
 
-class Inner(NamedTuple):
-    values: np.ndarray
-    flag: bool
-
-
-class Outer(NamedTuple):
-    inner: Inner
-    places: np.ndarray
-    scale: float
-    other: Kept
-
-
+# Plain tuples: numba's cache of the package would name classes of this file, which other programs cannot import.
 @bare
 def gather(kept, out):
-    outer = opened(kept)
-    for k in range(outer.places.size):
-        out[k] = outer.scale * outer.inner.values[outer.places[k]] if outer.inner.flag else -1.0
-        opened(outer.other)[0][0] += out[k]
+    (values, flag), places, scale, other = opened(kept)
+    for k in range(places.size):
+        out[k] = scale * values[places[k]] if flag else -1.0
+        opened(other)[0][0] += out[k]
 
 
 def made(flag=True):
-    counted = Kept((np.zeros(1),))
-    inner = Inner(np.arange(5.0), flag)
-    return Kept(Outer(inner, np.array([4, 0, 2], dtype=np.uint64), 0.5, counted))
+    """Values and a flag, places, a scale, and something kept that counts."""
+    return Kept(((np.arange(5.0), flag), np.array([4, 0, 2], dtype=np.uint64), 0.5, Kept((np.zeros(1),))))
 
 
 def run(kept):
@@ -50,12 +37,12 @@ def run(kept):
 def test_opens_to_what_was_kept(flag):
     kept = made(flag)
     assert run(kept) == ([2.0, 0.0, 1.0] if flag else [-1.0, -1.0, -1.0])
-    assert kept.value.other.value[0][0] == sum(run(kept))
+    assert kept.value[3].value[0][0] == sum(run(kept))
 
 
 def test_arrays_are_not_copied():
     kept = made()
-    kept.value.inner.values[:] *= 3.0
+    kept.value[0][0][:] *= 3.0
     assert run(kept) == [6.0, 0.0, 3.0]
 
 
@@ -64,7 +51,7 @@ def test_a_copy_has_arrays_of_its_own(twin_of):
     """And an address: that of the original may be gone by the time the copy is opened."""
     kept = made()
     twin = twin_of(kept)
-    kept.value.inner.values[:] = 100.0
+    kept.value[0][0][:] = 100.0
     assert twin.address != kept.address
     assert run(twin) == [2.0, 0.0, 1.0]
 
@@ -83,3 +70,11 @@ def test_opens_in_plain_python_for_a_debugger():
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, "-c", look], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[2.0, 0.0, 1.0]"
+
+
+def test_caches_name_no_class_of_the_tests():
+    """Every kernel's cache is read whole when the kernel is loaded; a class that cannot be imported would stop it."""
+    run(made())
+    look = "import numpy as np; from tensctl.simulation.integrators.kept import Kept; Kept((np.ones(3), 2.0)); print(1)"
+    done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "1"

@@ -6,6 +6,8 @@
 Reading an array from Python costs a kernel 0.2 us, so the 70 arrays of a splitting take as long as a third of its steps
 on a small structure. A `Kept` costs what one array does. Its arrays are those that it was given, not copies: what
 is written into them on either side is seen on the other.
+
+Classes of tuples must be the package's own: numba's cache names them, and cannot be read where they cannot be imported.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ class Kept:
         self._numba_type_ = KeptType(numba.typeof(value))
         self._room = np.zeros(context.get_abi_sizeof(context.get_value_type(self._numba_type_.inner)), np.uint8)
         self.address = self._room.ctypes.data
-        _keep(self, value)
+        _write(self, value)
 
     def __reduce__(self) -> tuple:
         return Kept, (self.value,)  # a copy has its own address, and copies of the arrays
@@ -89,7 +91,7 @@ _stored: Callable[[Any, Any], None] = cast(Any, _store)
 
 
 @bare
-def _keep(kept, value):
+def _write(kept, value):
     _stored(kept, value)
 
 
