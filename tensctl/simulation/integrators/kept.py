@@ -3,9 +3,9 @@
     kept = Kept(value)          # value: arrays, numbers and tuples of them
     kernel(kept): opened(kept)  # the value, inside compiled code
 
-Reading an array from Python costs a kernel 0.2 us, so the 70 arrays of a splitting take as long as a third of its steps
-on a small structure. A `Kept` costs less than 2 us. Its arrays are those that it was given, not copies: what
-is written into them on either side is seen on the other.
+An empty kernel that is given the arrays of a splitting takes 7.6 us, as long as two or three steps of the (3,1) shell;
+with a `Kept` it takes less than 2 us. Its arrays are those that it was given, not copies: what is written into them on
+either side is seen on the other.
 
 Classes of tuples must be the package's own: numba's cache names them, and cannot be read where they cannot be imported.
 """
