@@ -12,7 +12,7 @@ import numpy as np
 
 from tensctl.codegen.literals import Table, lower_triangle
 from tensctl.errors import OutputError
-from tensctl.synthesis import MPC, Condensed
+from tensctl.synthesis import MPC, Condensed, OutputMPC
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.reference import Hold
 from tensctl.synthesis.relaxed import relax
@@ -27,8 +27,11 @@ def predictive_tables(mpc: MPC) -> tuple[Table, ...]:
     Raises
     ------
     OutputError
-        For a controller that follows a path, or rows of another form.
+        For a controller that estimates, allows for a delay or follows a path, or rows of another form.
     """
+    if isinstance(mpc, OutputMPC) or mpc.delay:
+        what = "estimates from its sensors" if isinstance(mpc, OutputMPC) else f"allows for a delay of {mpc.delay:g} s"
+        raise OutputError(f"this MPC {what}, and the C source has neither; export a tc.MPC without delay.")
     if not isinstance(mpc.reference, Hold):
         raise OutputError(
             "this MPC follows a path of shapes over time, and the C source holds one equilibrium; "
