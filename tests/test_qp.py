@@ -159,15 +159,16 @@ class TestPolish:
         rng = np.random.default_rng(seed)
         near = judged(qp, z + 1e-6 * rng.standard_normal(z.size), y + 1e-6 * rng.random(y.size), "solved")
         assert near.kkt > 1e-9
-        assert np.abs(polish(qp, near).z - z).max() < 1e-11
+        assert np.abs(polish(qp, near, np.linalg.cholesky(qp.H)).z - z).max() < 1e-11
 
     @given(seed=seeds)
     def test_a_wrong_set_of_limits_is_corrected_or_the_answer_is_left(self, seed):
         """Started from the optimum without limits, never worse than that."""
         qp, _, y = known(seed)
         far = judged(qp, np.linalg.solve(qp.H, -qp.f), np.full(y.size, 1e-3), "solved")
-        assert polish(qp, far).kkt <= far.kkt
+        assert polish(qp, far, np.linalg.cholesky(qp.H)).kkt <= far.kkt
 
     def test_nothing_found_is_nothing_polished(self):
-        none = judged(known(1)[0], None, None, "infeasible")
-        assert polish(known(1)[0], none) is none
+        qp = known(1)[0]
+        none = judged(qp, None, None, "infeasible")
+        assert polish(qp, none, np.linalg.cholesky(qp.H)) is none

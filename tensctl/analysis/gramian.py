@@ -32,8 +32,30 @@ _DOUBLINGS = 60
 _DONE = 1e-17
 
 
+class Verified:
+    """A Gramian, or one by harmonic, that knows its residual."""
+
+    @property
+    def residual(self) -> float:
+        """What the equation of W leaves, over the norms of its terms."""
+        raise NotImplementedError
+
+    def verify(self, tol: float = 1e-9) -> None:
+        """Check the equation of W.
+
+        Raises
+        ------
+        LinearizationError
+            With the residual.
+        """
+        if not self.residual <= tol:
+            raise LinearizationError(
+                f"the Gramian leaves {self.residual:.1e} of its equation; at most {tol:.0e} is expected."
+            )
+
+
 @dataclass(frozen=True, eq=False)
-class Gramian:
+class Gramian(Verified):
     """A Gramian W = L L*.
 
     Attributes
@@ -93,19 +115,6 @@ class Gramian:
         """What the equation of W leaves, over the norms of its terms."""
         left, terms = self.left
         return left / sum(terms) if sum(terms) > 0 else 0.0
-
-    def verify(self, tol: float = 1e-9) -> None:
-        """Check the equation of W.
-
-        Raises
-        ------
-        LinearizationError
-            With the residual.
-        """
-        if not self.residual <= tol:
-            raise LinearizationError(
-                f"the Gramian leaves {self.residual:.1e} of its equation; at most {tol:.0e} is expected."
-            )
 
 
 def controllability_gramian(

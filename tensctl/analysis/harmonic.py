@@ -174,15 +174,14 @@ class _Asked:
         scaled = self.rows / self.sizes[:, None]
         return gains_of(self.rows, 1.0), gains_of(scaled, 1.0), gains_of(scaled, DOUBT)
 
-    def seen(self) -> np.ndarray:
+    def seen(self, rows: np.ndarray) -> np.ndarray:
         """What rows see of each undamped mode, (rows, m)."""
         half = self.block.omega2.size
-        return self.rows[:, :half] + 1j * self.rows[:, half : 2 * half]
+        return rows[:, :half] + 1j * rows[:, half : 2 * half]
 
     def _undamped(self, rows: np.ndarray, blur: float) -> np.ndarray:
         """Gain of each mode, near frequencies together."""
-        half, found = self.block.omega2.size, np.empty((self.block.omega2.size, 1))
-        seen = rows[:, :half] + 1j * rows[:, half : 2 * half]
+        found, seen = np.empty((self.block.omega2.size, 1)), self.seen(rows)
         for group, places in chains(self.block.omega2, blur * self.block.tolerance):
             found[group, 0] = gains(np.eye(group.size), seen[:, group], places)
         return found
@@ -207,7 +206,7 @@ def _verdicts(questions: Sequence[_Asked], why_not: Why) -> list[HarmonicVerdict
     largest, most = (max((three[k].max(initial=0.0) for three in found), default=0.0) for k in (1, 2))
     verdicts = []
     for asked, (shown, judged, doubted) in zip(questions, found, strict=True):
-        strengths = np.abs(asked.seen()) ** 2
+        strengths = np.abs(asked.seen(asked.rows)) ** 2
         for i, wave in np.ndindex(*shown.shape):
             answer = agreed(decide(float(judged[i, wave]), largest), decide(float(doubted[i, wave]), most))
             verdicts.append(_verdict(asked, i, shown[i], wave, answer, strengths[:, i], why_not))

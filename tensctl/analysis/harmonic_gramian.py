@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Inexact
 
-from tensctl.analysis.gramian import Gramian, Oscillators, gramian
+from tensctl.analysis.gramian import Gramian, Oscillators, Verified, gramian
 from tensctl.analysis.scaling import tension_slopes
 from tensctl.errors import LinearizationError
 from tensctl.linear import HarmonicModel, HarmonicOutputs, LinearModel
@@ -30,7 +30,7 @@ States = Sequence[Inexact[np.ndarray, " _"]]
 
 
 @dataclass(frozen=True, eq=False)
-class HarmonicGramian:
+class HarmonicGramian(Verified):
     """A Gramian by harmonics.
 
     Attributes
@@ -103,19 +103,6 @@ class HarmonicGramian:
         terms = np.array([own.left[1] for own in self.blocks])
         total = float(np.sqrt(copies @ terms**2).sum())
         return float(np.sqrt(copies @ left**2)) / total if total > 0 else 0.0
-
-    def verify(self, tol: float = 1e-9) -> None:
-        """Check the equation of W.
-
-        Raises
-        ------
-        LinearizationError
-            With the residual.
-        """
-        if not self.residual <= tol:
-            raise LinearizationError(
-                f"the Gramian leaves {self.residual:.1e} of its equation; at most {tol:.0e} is expected."
-            )
 
     def __str__(self) -> str:
         """The cheapest and the dearest mode, in sentences."""

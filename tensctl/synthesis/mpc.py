@@ -266,12 +266,14 @@ class MPC:
 
     def _solve(self, piece: _Piece, limits: Limits) -> tuple[np.ndarray, str, float]:
         """Plan (N, nu), status and KKT residual: hard problem first, then relaxed, then the shifted plan."""
-        hard, relaxed, infeasible = limits.assemble(piece.problem), None, False
+        hard = limits.assemble(piece.problem)
+        asked, infeasible = {False: hard}, False
         for name, soft in order_of(self.solver, hard.f.size):
             if infeasible and not soft:
                 continue
-            relaxed = relax(hard, self.horizon) if soft and relaxed is None else relaxed
-            solution = self._ask(piece, name, soft, relaxed if soft and relaxed is not None else hard)
+            if soft not in asked:
+                asked[soft] = relax(hard, self.horizon)
+            solution = self._ask(piece, name, soft, asked[soft])
             if solution.z is not None and solution.kkt <= _ACCEPT:
                 plan = solution.z[: hard.f.size].reshape(self.horizon, -1)
                 return plan, name + " relaxed" * soft, solution.kkt

@@ -26,13 +26,15 @@ _ROUNDING = 1e-10
 _NOTHING = 1e-12
 
 
-def polish(qp: QP, found: Solution) -> Solution:
-    """The polished answer where its residual is smaller, or nothing worth telling, else the one found."""
+def polish(qp: QP, found: Solution, half: Float[np.ndarray, "n n"]) -> Solution:
+    """The polished answer where its residual is smaller, or nothing worth telling, else the one found.
+
+    Parameters
+    ----------
+    half : (n, n)
+        The lower triangle L of H = L L', which no step changes.
+    """
     if found.z is None or found.y is None:
-        return found
-    try:
-        half = sl.cholesky(qp.H, lower=True, check_finite=False)
-    except np.linalg.LinAlgError:
         return found
     best, side = found, _acting(qp, found.z, found.y)
     for _ in range(_TRIES):

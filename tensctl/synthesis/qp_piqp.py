@@ -7,6 +7,7 @@ An interior point is hardly slower where hundreds of limits act, and then an act
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from tensctl.synthesis.polish import polish
 from tensctl.synthesis.qp import QP, Solution, judged
@@ -22,16 +23,19 @@ class PiqpSolver:
     Parameters
     ----------
     stages : Stages
+    H : (n, n)
+        Of the condensed form, with its slacks.
     tol : float
         Of residuals and gap, in the units of the problem.
     """
 
     name = "piqp"
 
-    def __init__(self, stages: Stages, tol: float = 1e-10) -> None:
+    def __init__(self, stages: Stages, H: Float[np.ndarray, "n n"], tol: float = 1e-10) -> None:
         import piqp
 
         self._piqp, self._stages = piqp, stages
+        self._half = np.linalg.cholesky(H)
         self._solver = piqp.SparseSolver()
         settings = self._solver.settings
         settings.kkt_solver = piqp.KKTSolver.sparse_multistage
@@ -56,4 +60,4 @@ class PiqpSolver:
         if status not in (self._piqp.PIQP_SOLVED, self._piqp.PIQP_MAX_ITER_REACHED):
             return judged(qp, None, None, "failed")
         z, y = self._stages.condensed(np.array(answer.x), answer.z_bu - answer.z_bl, answer.z_u - answer.z_l)
-        return polish(qp, judged(qp, z, y, "solved"))
+        return polish(qp, judged(qp, z, y, "solved"), self._half)

@@ -17,7 +17,8 @@ def first_choice(stages: int, inputs: int, states: int) -> tuple[str, str]:
     """The solver that "auto" asks first, and why.
 
     Without acting limits an active set takes one product with all rows; an interior point factors every stage some 15
-    times. By that count it never is the first choice; it takes over where hundreds of limits act.
+    times: by that count it comes first only for a few states over a very long horizon. It takes over where hundreds of
+    limits act.
     """
     dense, staged = 4 * (stages * inputs) ** 2, 15 * 6 * stages * (states + inputs) ** 3
     name = "daqp" if dense <= staged else "piqp"
@@ -40,6 +41,7 @@ def order_of(first: str, variables: int) -> tuple[tuple[str, bool], ...]:
 
 def new_solver(name: str, problem: Condensed, *, soft: bool) -> Solver:
     """Set up a solver for a problem at rest, its floors with slack or without; f and bounds may change afterwards."""
+    rest = relax(_blank(problem), problem.horizon) if soft else _blank(problem)
     if name in ("piqp", "clarabel"):
         from tensctl.synthesis.qp_stages import Stages
 
@@ -47,11 +49,10 @@ def new_solver(name: str, problem: Condensed, *, soft: bool) -> Solver:
         if name == "piqp":
             from tensctl.synthesis.qp_piqp import PiqpSolver
 
-            return PiqpSolver(stages)
+            return PiqpSolver(stages, rest.H)
         from tensctl.synthesis.qp_clarabel import ClarabelSolver
 
         return ClarabelSolver(stages)
-    rest = relax(_blank(problem), problem.horizon) if soft else _blank(problem)
     if name == "daqp":
         from tensctl.synthesis.qp_daqp import QUICK, DaqpSolver
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from tensctl.analysis.scaling import input_stiffness
 from tensctl.synthesis.disturbance import Disturbed
 from tensctl.synthesis.qp import QP, Solver
 from tensctl.synthesis.qp_daqp import DaqpSolver
 from tensctl.synthesis.relaxed import relax
-from tensctl.synthesis.weights import input_stiffness
 
 # Weight of the inputs over the steepest tracked direction: an offset of 1e-8 over the square of a direction's gain
 # relative to the best one, 1e-6 at a tenth; the conditioning of H is its inverse.

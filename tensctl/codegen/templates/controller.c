@@ -37,3 +37,5 @@ enum {
 {% endif %}
 
 {% include kind ~ ".c" %}
+
+{% include "step.c" %}

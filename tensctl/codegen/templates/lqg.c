@@ -23,40 +23,16 @@ static void update(const double *shown, const double *inputs)
     self.known = 1;
 }
 
-int tensctl_step(const double *measurement, double *u)
+static void answer(const double *measurement)
 {
-    self.report.iterations = 0;
-    self.report.kkt = -1.0;
-    self.report.relaxed = 0.0;
-    self.report.outcome = all_finite(TENSCTL_MEASUREMENT, measurement) ? TENSCTL_OK : TENSCTL_REFUSED;
-    if (self.report.outcome == TENSCTL_OK) {
-        double inputs[INPUTS], change[INPUTS] = {0.0};
-        for (int i = 0; i < INPUTS; i++) {
-            inputs[i] = measurement[SENSORS + i] - input_rest[i];
-        }
-        update(measurement, inputs);
-        add_product(INPUTS, ORDER, -1.0, C, self.estimate, change);
-        add_product(INPUTS, INPUTS, -1.0, direct, inputs, change);
-        for (int i = 0; i < INPUTS; i++) {
-            self.command[i] = clipped(input_rest[i] + change[i], input_lower[i], input_upper[i]);
-        }
-    } else {
-        if (!self.begun) {
-            memcpy(self.command, input_rest, sizeof input_rest);
-        }
-        self.known = 0; /* a sample is missing: the estimate begins anew */
+    double inputs[INPUTS], change[INPUTS] = {0.0};
+    for (int i = 0; i < INPUTS; i++) {
+        inputs[i] = measurement[SENSORS + i] - input_rest[i];
     }
-    self.begun = 1;
-    memcpy(u, self.command, sizeof self.command);
-    return self.report.outcome;
-}
-
-struct tensctl_report tensctl_last(void)
-{
-    return self.report;
-}
-
-void tensctl_reset(void)
-{
-    memset(&self, 0, sizeof self);
+    update(measurement, inputs);
+    add_product(INPUTS, ORDER, -1.0, C, self.estimate, change);
+    add_product(INPUTS, INPUTS, -1.0, direct, inputs, change);
+    for (int i = 0; i < INPUTS; i++) {
+        self.command[i] = clipped(input_rest[i] + change[i], input_lower[i], input_upper[i]);
+    }
 }
