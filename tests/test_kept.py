@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 
+import numba
 import numpy as np
 import pytest
 
@@ -54,6 +55,17 @@ def test_a_copy_has_arrays_of_its_own(twin_of):
     kept.value[0][0][:] = 100.0
     assert twin.address != kept.address
     assert run(twin) == [2.0, 0.0, 1.0]
+
+
+def test_values_of_one_form_share_a_type():
+    """And those of another do not: layout, dimensions, entries, numbers, and what is kept inside."""
+    strided = np.arange(10.0)[::2]
+    others = [np.ones((1, 3)), np.ones((3, 2)).T, strided, np.ones(3, np.float32), np.arange(3), 2.0, 3, True, 2**63]
+    values = [np.ones(3), *others, (np.ones(3),), Kept((np.ones(3),)), Kept((np.ones(3), 1.0))]
+    kinds = [Kept((value,))._numba_type_ for value in values]
+    assert all(Kept((value,))._numba_type_ is kind for value, kind in zip(values, kinds, strict=True))
+    assert len(set(kinds)) == len(values)
+    assert all(kind.inner == numba.typeof((value,)) for value, kind in zip(values, kinds, strict=True))
 
 
 def test_arrays_live_as_long_as_what_keeps_them():

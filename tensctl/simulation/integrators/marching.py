@@ -13,7 +13,7 @@ import numpy as np
 
 from tensctl.jit import bare
 from tensctl.model.kernel import springs
-from tensctl.simulation.integrators.kept import Kept, opened
+from tensctl.simulation.integrators.kept import opened
 from tensctl.simulation.integrators.leap import Moment, copy_moment, leap, rates_at, refresh
 from tensctl.simulation.integrators.rows import fill, take
 from tensctl.simulation.integrators.switching import change_over, first_to_leave, settle
@@ -31,18 +31,16 @@ _FAR = 4.0
 
 
 class Journey(NamedTuple):
-    """A scene, and room for the moments that a march goes through.
+    """Room for the moments that a march goes through, whatever drives it, and what it is held to.
 
     Attributes
     ----------
-    scene : Kept of Scene
     start, now, other : Moment
     limits : (3,)
         Error of a step in m per second of its length, the rounding that is always allowed, m, and the rate, rad/s,
         that the step was made for: while rods turn or pass each other faster, it is halved as often as that takes.
     """
 
-    scene: Kept
     start: Moment
     now: Moment
     other: Moment
@@ -99,7 +97,7 @@ def halvings(pace, rate):
 
 
 @bare
-def march(journey, q, v, times, step, order, locate, stop, out_q, out_v):
+def march(scene, journey, q, v, times, step, order, locate, stop, out_q, out_v):
     """Move q and v in place from times[0] to times[-1] and write the state at every later time.
 
     Without `stop`, a time within a step is reached by a step of its own from the same start, so recording does not
@@ -107,6 +105,7 @@ def march(journey, q, v, times, step, order, locate, stop, out_q, out_v):
 
     Parameters
     ----------
+    scene : Kept of Scene
     journey : Kept of Journey
     q, v : (nr, 6)
     times : (m,) s
@@ -123,7 +122,7 @@ def march(journey, q, v, times, step, order, locate, stop, out_q, out_v):
     -------
     status, time reached, step, evaluations, switches
     """
-    scene, start, now, other, limits = opened(journey)
+    start, now, other, limits = opened(journey)
     rows, drive, work, table = opened(scene)
     t, t_end, k = times[0], times[-1], 1
     stages = table.drifts.size

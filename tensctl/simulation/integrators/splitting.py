@@ -93,7 +93,7 @@ class Splitting:
             When the motion cannot be followed.
         """
         status, t, step, evaluations, switches = march(
-            self._journey(drive), q, v, times, self.step, self.order, self.locate, self.stop, out_q, out_v
+            self._scene(drive), self._journey, q, v, times, self.step, self.order, self.locate, self.stop, out_q, out_v
         )
         self.evaluations += evaluations
         self.switches += switches
@@ -101,17 +101,16 @@ class Splitting:
             raise SimulationError(_TROUBLE[status].format(t=t, step=step))
 
     @cached_property
-    def _limits(self) -> np.ndarray:
+    def _journey(self) -> Kept:
         size = float(np.ptp(self.dynamics.structure.nodes, axis=0).max())
-        return np.array([self.tol * size, _ROUNDING * size, self.rate])
+        limits = np.array([self.tol * size, _ROUNDING * size, self.rate])
+        return Kept(Journey(moment(self._rows), moment(self._rows), moment(self._rows), limits))
 
-    def _journey(self, drive: Drive) -> Kept:
-        """The scene and room to work in, kept for as long as the drive is the same."""
+    def _scene(self, drive: Drive) -> Kept:
+        """The scene with room to work in, kept for as long as the drive is the same."""
         if self._kept is None or self._kept[0] is not drive:
-            rows, anchor = self._rows, self.dynamics.layout.anchor
-            start, now, other = (moment(rows) for _ in range(3))
-            within = scene(rows, anchor, drive, TABLES[self.order], frozen=self.locate)
-            self._kept = drive, Kept(Journey(within, start, now, other, self._limits))
+            anchor = self.dynamics.layout.anchor
+            self._kept = drive, scene(self._rows, anchor, drive, TABLES[self.order], frozen=self.locate)
         return self._kept[1]
 
 
