@@ -34,7 +34,7 @@ def order_of(first: str, variables: int) -> tuple[tuple[str, bool], ...]:
     An active set that gives up early hands over to the interior point, whose floors give way only where they have to.
     """
     hard = dict.fromkeys((first, "daqp"))
-    patient = ("piqp", "osqp", "daqp") if variables > _FEW else ("daqp", "piqp", "osqp")
+    patient = ("piqp", "daqp", "osqp") if variables > _FEW else ("daqp", "piqp", "osqp")
     soft = dict.fromkeys(patient if first == "daqp" else (first, *patient))
     return (*((name, False) for name in hard), *((name, True) for name in soft))
 
