@@ -135,10 +135,10 @@ class MPC:
         modes: Fast = "refuse",
         path: Reference | None = None,
     ) -> None:
-        asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, solver=solver)
+        asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, solver=solver, delay=delay, modes=modes)
         if not np.isfinite(tension_min):
             raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
-        if not 0 <= delay <= asked.dt:
+        if delay > asked.dt:
             raise SynthesisError(f"mpc.delay is {delay} s; a time from 0 to dt = {asked.dt:g} s is expected.")
         self.linear = below_sampling_limit(linear.flexible, asked.dt, modes)
         self.horizon, self.dt, self.delay = asked.horizon, asked.dt, float(delay)

@@ -28,8 +28,6 @@ def below_sampling_limit(linear: LinearModel, dt: float, modes: Fast) -> LinearM
     SynthesisError
         Modes beyond the Nyquist frequency that are refused, or when no other is there.
     """
-    if modes not in ("refuse", "truncate"):
-        raise SynthesisError(f'mpc.modes is "{modes}"; expected "refuse" or "truncate".')
     fast = [mode for mode in linear.modes if np.sqrt(max(mode.omega2, 0.0)) * dt >= np.pi]
     if not fast:
         return linear
