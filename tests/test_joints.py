@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg as sla
 
 import tensctl as tc
 from tensctl.elements import JointedManifold, Potential
@@ -105,6 +106,29 @@ def test_rods_and_joints_stay_exact():
     ends = nodes[potential.structure.rods]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     assert np.abs(lengths / potential.structure.rod_lengths - 1).max() < 1e-14
+
+
+def test_a_basis_chain_by_chain_spans_all_that_rows_leave():
+    """The mass-square projector on the tangent space is that of the dense null space of all rows together."""
+    manifold = Potential.of(class_two(4, 3)).manifold
+    nodes = manifold.retract(manifold.anchor, 0.1 * np.random.default_rng(3).normal(size=manifold.size))
+    root, basis = np.sqrt(manifold.weights), manifold.basis(nodes).toarray()
+    at = nodes[manifold.end_node].ravel()
+    rows = np.zeros((len(manifold.first), at.size))
+    rows[np.arange(len(rows)), manifold.first], rows[np.arange(len(rows)), manifold.second] = 1.0, -1.0
+    wanted = sla.null_space(rows @ manifold.ends.tangent(at.reshape(-1, 3)).toarray() * root)
+    square = basis / root[:, None]
+    assert np.abs(square.T @ square - np.eye(manifold.size)).max() < 1e-14
+    assert np.abs(square @ square.T - wanted @ wanted.T).max() < 1e-13
+
+
+def test_tangents_of_many_chains_are_sparse():
+    """A coordinate moves the m rods of its own chain only: 3 + 2 m entries a row."""
+    potential = Potential.of(class_two(20, 10))
+    point = potential.at(potential.structure.nodes)
+    assert potential.manifold.basis(point.nodes).nnz == 23 * potential.manifold.ends.size
+    assert point.input_map.nnz < 0.1 * np.prod(point.input_map.shape)
+    assert point.hessian.nnz < 0.6 * np.prod(point.hessian.shape)
 
 
 def test_logarithm_and_its_rate():

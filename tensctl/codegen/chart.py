@@ -89,7 +89,7 @@ def _maps(linear: LinearModel) -> tuple[np.ndarray, np.ndarray]:
     manifold, nodes = linear.equilibrium.potential.manifold, linear.equilibrium.nodes
     rate = linear.shapes.T * manifold.mass(linear.dynamics.members.mass)
     if isinstance(manifold, JointedManifold):
-        rate = rate @ (manifold.basis(nodes).T / manifold.weights)
+        rate = rate @ (manifold.basis(nodes).toarray().T / manifold.weights)
     return linear.scales[:, None] * rate, rate
 
 

@@ -6,6 +6,7 @@ left are square in the mass metric, xi = Z y, Z'M Z = m I, m the mean rod mass:
 
     gradient Z'g,   Hessian Z' (H + curvature under the row forces mu) Z,   mu = argmin |M^-1/2 (g + A'mu)|
 
+Rows tie rods into chains that have no row in common, so Z, and all that is made with it, is sparse: a block a chain.
 A step goes along Z y and comes back to the rows square to it, so rod lengths are exact and joints closed to rounding.
 Redundant rows (loops of rods) lower the rank of A; it is decided once, at the structure's own nodes, from the diagonal
 of a pivoted QR. Rows that are redundant there and nowhere else lock or branch, and are refused.
@@ -20,6 +21,7 @@ import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
 from jaxtyping import Float, Int
+from scipy.sparse.csgraph import connected_components
 
 from tensctl.elements.manifold import RodManifold
 from tensctl.errors import StructureError
@@ -53,8 +55,8 @@ class JointedManifold:
         b: 0 for a joint, where the ground holds a guide.
     weights : (size of ends,)
         Mean rod mass over the mass of each coordinate.
-    rank : int
-        Independent rows.
+    ranks : (chains,) int
+        Independent rows of each chain of rods.
     anchor : (N, 3) m
         Where the structure has its nodes; nodes without a rod stay there.
     """
@@ -67,7 +69,7 @@ class JointedManifold:
     second: Int[np.ndarray, " rows"]
     target: Float[np.ndarray, " rows"]
     weights: Float[np.ndarray, " coordinates"]
-    rank: int
+    ranks: Int[np.ndarray, " chains"]
     anchor: Float[np.ndarray, "nodes 3"]
 
     @classmethod
@@ -86,8 +88,9 @@ class JointedManifold:
         shown, first, second = _rows(structure)
         target = np.where(second < 0, structure.nodes[end_node].ravel()[first], 0.0)
         weights = rod_mass.mean() / ends.mass(rod_mass)
-        rough = cls(structure.rods, ends, end_node, shown, first, second, target, weights, 0, structure.nodes)
-        manifold = replace(rough, rank=rough._find_rank())
+        none = np.zeros(0, int)
+        rough = cls(structure.rods, ends, end_node, shown, first, second, target, weights, none, structure.nodes)
+        manifold = replace(rough, ranks=rough._find_ranks())
         manifold._check_regular()
         return manifold
 
@@ -112,6 +115,11 @@ class JointedManifold:
         return self.ends.lengths
 
     @property
+    def rank(self) -> int:
+        """Independent rows."""
+        return int(self.ranks.sum())
+
+    @property
     def size(self) -> int:
         """Number of degrees of freedom."""
         return self.ends.size - self.rank
@@ -126,28 +134,28 @@ class JointedManifold:
 
     def tangent(self, nodes: Float[np.ndarray, "nodes 3"]) -> sp.csr_array:
         """Map from coordinates y to nodal displacements, (3N, size)."""
-        moved = self.ends.tangent(nodes[self.end_node]) @ self.basis(nodes)
-        full = np.zeros((nodes.size, self.size))
         has_rod = np.flatnonzero(self.shown >= 0)
-        rows, ends = (3 * k[:, None] + np.arange(3) for k in (has_rod, self.shown[has_rod]))
-        full[rows.ravel()] = moved[ends.ravel()]
-        full[self._held] = 0.0
-        return sp.csr_array(full)
+        rows, ends = ((3 * k[:, None] + np.arange(3)).ravel() for k in (has_rod, self.shown[has_rod]))
+        free = ~self._held[rows]
+        shape = nodes.size, 3 * self.end_node.size
+        pick = sp.csr_array((np.ones(free.sum()), (rows[free], ends[free])), shape=shape)
+        return pick @ self.ends.tangent(nodes[self.end_node]) @ self.basis(nodes)
 
-    def bend(
-        self, nodes: Float[np.ndarray, "nodes 3"], gradient: Float[np.ndarray, "nodes 3"]
-    ) -> Float[np.ndarray, "size size"]:
-        """What the bend of the manifold adds to the Hessian under a nodal gradient and the rows' forces, N/m."""
+    def bend(self, nodes: Float[np.ndarray, "nodes 3"], gradient: Float[np.ndarray, "nodes 3"]) -> sp.csr_array:
+        """What bend adds to the Hessian under a nodal gradient and the rows' forces, (size, size), N/m."""
         at_ends = np.zeros((self.end_node.size, 3))
         has_rod = np.flatnonzero(self.shown >= 0)
         at_ends[self.shown[has_rod]] = gradient[has_rod]
         J, root = self.ends.tangent(nodes[self.end_node]), np.sqrt(self.weights)
         jacobian = self._jacobian(J)
         pull = root * (J.T @ at_ends.ravel())
-        tied, *_ = np.linalg.lstsq((jacobian * root).T, -pull, rcond=_REDUNDANT)
+        tied = np.zeros(self.first.size)
+        for rows, columns in self._chains:
+            block = (jacobian[rows][:, columns].toarray() * root[columns]).T
+            tied[rows], *_ = np.linalg.lstsq(block, -pull[columns], rcond=_REDUNDANT)
         at_ends += (self._matrix.T @ tied).reshape(-1, 3)
         basis = self.basis(nodes)
-        return basis.T @ (self.ends.curvature(nodes[self.end_node], at_ends)[:, None] * basis)
+        return sp.csr_array(basis.T @ sp.diags_array(self.ends.curvature(nodes[self.end_node], at_ends)) @ basis)
 
     def retract(
         self, nodes: Float[np.ndarray, "nodes 3"], step: Float[np.ndarray, " size"]
@@ -161,8 +169,10 @@ class JointedManifold:
             if worst <= _CLOSED * size or not worst < before:
                 break
             before = worst
-            jacobian = self._jacobian(self.ends.tangent(ends)) * root
-            back, *_ = np.linalg.lstsq(jacobian, -gap, rcond=_REDUNDANT)
+            jacobian, back = self._jacobian(self.ends.tangent(ends)), np.zeros(self.ends.size)
+            for rows, columns in self._chains:
+                block = jacobian[rows][:, columns].toarray() * root[columns]
+                back[columns], *_ = np.linalg.lstsq(block, -gap[rows], rcond=_REDUNDANT)
             ends = self.ends.retract(ends, root * back)
         moved, has_rod = nodes.copy(), self.shown >= 0
         moved[has_rod] = ends[self.shown[has_rod]]
@@ -210,21 +220,39 @@ class JointedManifold:
         index = np.concatenate([row, row[two]]), np.concatenate([self.first, self.second[two]])
         return sp.csr_array(sp.coo_array((entries, index), shape=(row.size, 3 * self.end_node.size)))
 
-    def _jacobian(self, J: sp.csr_array) -> np.ndarray:
+    @cached_property
+    def _chains(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows and rods' coordinates of each set of rods that rows tie together."""
+        count = len(self.rods)
+        one, two = self.first // 6, np.where(self.second < 0, self.first, self.second) // 6
+        tied = sp.coo_array((np.ones(one.size), (one, two)), shape=(count, count))
+        chains, of_rod = connected_components(tied, directed=False)
+        of_column = np.zeros(self.ends.size, int)
+        of_column[self.ends.centre_columns] = of_rod[self.ends.free][:, None]
+        of_column[self.ends.direction_columns] = of_rod[self.ends.moving][:, None]
+        return [(np.flatnonzero(of_rod[one] == k), np.flatnonzero(of_column == k)) for k in range(chains)]
+
+    def _jacobian(self, J: sp.csr_array) -> sp.csr_array:
         """A: how rows change with the rods' coordinates, (nc, size of ends)."""
-        return (self._matrix @ J).toarray()
+        return sp.csr_array(self._matrix @ J)
 
-    def _factor(self, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        jacobian = self._jacobian(self.ends.tangent(nodes[self.end_node])) * np.sqrt(self.weights)
-        Q, R, _ = sla.qr(jacobian.T, pivoting=True)
-        return Q, np.abs(np.diag(R))
+    def _factor(self, nodes: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Q of each chain's pivoted QR, and the sizes of its diagonal."""
+        jacobian, root, factors = self._jacobian(self.ends.tangent(nodes[self.end_node])), np.sqrt(self.weights), []
+        for rows, columns in self._chains:
+            block = jacobian[rows][:, columns].toarray() * root[columns]
+            Q, R, _ = sla.qr(block.T, pivoting=True) if block.size else (np.eye(columns.size), np.zeros((0, 0)), None)
+            factors.append((Q, np.abs(np.diag(R))))
+        return factors
 
-    def basis(self, nodes: np.ndarray) -> Float[np.ndarray, "coordinates size"]:
-        """Z: square in the mass metric, rows keep their values along it."""
+    def basis(self, nodes: np.ndarray) -> sp.csr_array:
+        """Z, (size of ends, size): square in the mass metric, rows keep their values along it."""
         key = nodes.tobytes()
         if self._kept.get("key") != key:
-            Q, _ = self._factor(nodes)
-            self._kept.update(key=key, basis=np.sqrt(self.weights)[:, None] * Q[:, self.rank :])
+            blocks = [Q[:, rank:] for (Q, _), rank in zip(self._factor(nodes), self.ranks, strict=True)]
+            order = np.argsort(np.concatenate([columns for _, columns in self._chains]))
+            square = sp.csr_array(sp.block_diag(blocks, format="csr"))[order]
+            self._kept.update(key=key, basis=sp.csr_array(sp.diags_array(np.sqrt(self.weights)) @ square))
         return self._kept["basis"]
 
     @cached_property
@@ -232,17 +260,17 @@ class JointedManifold:
         """The last basis made: gradient, Hessian and step ask for the same one."""
         return {}
 
-    def _find_rank(self) -> int:
-        _, diagonal = self._factor(self.anchor)
-        sizes = diagonal / diagonal.max(initial=1e-300)
-        rank = int((sizes > _REDUNDANT).sum())
+    def _find_ranks(self) -> np.ndarray:
+        diagonals = [diagonal for _, diagonal in self._factor(self.anchor)]
+        largest = max([diagonal.max(initial=1e-300) for diagonal in diagonals])
+        sizes = np.concatenate(diagonals) / largest
         close = sizes[(sizes > 1e-13) & (sizes < 1e-6)]
         if close.size:
             raise StructureError(
                 f"joints or guides are independent or redundant by {close[0]:.0e} of their size, which double "
                 "precision cannot tell; move the nodes a little, or leave a redundant one out."
             )
-        return rank
+        return np.array([int((diagonal > _REDUNDANT * largest).sum()) for diagonal in diagonals])
 
     def _check_regular(self) -> None:
         """Rows that are redundant at the structure's own nodes only leave no manifold there."""

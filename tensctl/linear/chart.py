@@ -128,8 +128,8 @@ def _over(dynamics, manifold, nodes, place, y: ca.MX, rate: ca.MX) -> tuple[ca.M
     """Rods' coordinates xi and xi' over y and y', and the map from xi'' back to y''."""
     if isinstance(manifold, RodManifold):
         return y, rate, ca.DM.eye(manifold.size)
-    down = ca.DM(manifold.basis(nodes).T / manifold.weights)
-    start = ca.DM(manifold.basis(nodes)) @ y
+    basis = manifold.basis(nodes).toarray()
+    down, start = ca.DM(basis.T / manifold.weights), ca.DM(basis) @ y
     xi, at = ca.SX.sym("xi", manifold.ends.size), ca.SX.sym("y", manifold.size)
     rows = dynamics.constraints
     gaps = ca.DM(rows.matrix(manifold.end_node.size).tocsc()) @ _points(dynamics, manifold, nodes, place(xi))

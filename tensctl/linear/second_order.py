@@ -4,7 +4,7 @@
 
 xi are tangent coordinates of the rods' manifold (metres), M is diagonal and positive, K the Riemannian Hessian with the
 rods' compression, C the taut dampers and drag. All of it has a few entries a row however large the structure is; where
-rods share nodes or slide along guides, coordinates are square in the mass metric and K, G, P are dense.
+rods share nodes or slide along guides, coordinates belong to chains of rods and rows have entries for whole chains.
 """
 
 from __future__ import annotations
