@@ -2,7 +2,8 @@
 
     c ramps to each command within its period, |dc/dt| <= rate_max, c >= floor;   dL/dt = (c - L)/tau, or L = c
 
-Between edges c is a straight line, so L is one plus an exponential, exactly.
+Between edges c is a straight line, so L is one plus an exponential, exactly. Times of edges carry rounding, 1e-13 s
+after some minutes, and a ramp that ends so much later would pass the floor by that times its rate: lengths stop at it.
 """
 
 from __future__ import annotations
@@ -56,9 +57,13 @@ class Actuators:
     def after(self, seconds: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t tendons"]:
         """Rest lengths some time from now."""
         share = -np.expm1(-seconds / self._tau) if self._tau > 0 else np.zeros_like(seconds)
-        return self.rest + seconds[:, None] * self.rate + share[:, None] * self.lag()
+        return self._kept(self.rest, self.rest + seconds[:, None] * self.rate + share[:, None] * self.lag())
 
     def advance(self, seconds: float) -> None:
         """Let time pass."""
         self.rest = self.after(np.array([seconds]))[0]
-        self.asked = self.asked + seconds * self.rate
+        self.asked = self._kept(self.asked, self.asked + seconds * self.rate)
+
+    def _kept(self, before: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+        """Lengths that keep their floors to the last bit; those that began below go no lower."""
+        return np.maximum(lengths, np.minimum(before, self._members.floors))

@@ -6,7 +6,8 @@ which begins when the computation is over: the state is predicted to then, with 
 
 A step asks the first solver, judges the answer by its recomputed KKT residual, then asks the next one, in the order of
 `synthesis.qp_solvers`. When the tension floors cannot all be kept, they are relaxed by as little as possible and the
-step says by how much. Without any acceptable answer the last plan is shifted and clipped to the hard limits.
+step says by how much. Without any acceptable answer, or any measurement, the last plan is shifted and clipped to the
+hard limits.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -31,6 +32,7 @@ from tensctl.synthesis.qp_solvers import first_choice, new_solver, order_of
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.relaxed import relax
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
+from tensctl.synthesis.seen import known_inputs, seen
 from tensctl.threads import one_blas_thread
 
 # An answer whose KKT residual is larger is refused.
@@ -53,10 +55,11 @@ class StepRecord:
     ----------
     time : float, s
     status : str
-        Solver that answered, with " relaxed" when tension floors gave way, or "fallback".
+        Solver that answered, with " relaxed" when tension floors gave way; "fallback" when none did; or
+        "no measurement".
     solve_time : float, s
     kkt : float
-        Recomputed KKT residual (nan for a fallback).
+        Recomputed KKT residual (nan without an answer).
     relaxed : float, N
         By how much the worst tension floor had to give way; 0 when all are kept.
     """
@@ -164,8 +167,8 @@ class MPC:
         self.records = []
 
     def state(self) -> dict[str, np.ndarray]:
-        """All that later steps depend on: the last plan (N, nu) m, and a command under way; none before the first."""
-        held = {"plan": self._plan, "command": self._command if self.delay else None}
+        """All that later steps depend on: the last plan (N, nu) m and the last command; none before the first."""
+        held = {"plan": self._plan, "command": self._command}
         return {name: value for name, value in held.items() if value is not None}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -179,22 +182,42 @@ class MPC:
         return self._piece(len(self.reference.equilibria) - 1).problem
 
     @one_blas_thread()
-    def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0 to be reached at t + delay + dt, m; hard limits always hold."""
+    def step(self, t: float, measurement: Measured | None) -> Float[np.ndarray, " nu"]:
+        """Total rest-length change u from L0 to be reached at t + delay + dt, m; hard limits always hold.
+
+        A measurement that is None, holds NaN or fits no structure tells nothing: the last plan goes on, and before the
+        first rest lengths stay. Inputs that were not measured are taken for those of the last command.
+        """
         began = perf_counter()
+        now = self._inputs_now(t, measurement)
+        look = self._seen(measurement, now)
+        if look is None:
+            plan = np.tile(now, (self.horizon, 1)) if self._plan is None else self._continued(self._plan)
+            return self._command_of(plan, now, StepRecord(t, "no measurement", perf_counter() - began, np.nan, 0.0))
         piece = self._piece(self.reference.knot_at(t))
-        limits = self.limits(t, measurement)
+        limits = self.limits(t, look)
         plan, status, kkt = self._solve(piece, limits)
         hard = not (status.endswith(" relaxed") or status == "fallback")
         relaxed = 0.0 if hard else limits.shortfall(piece.problem, plan)
         if relaxed <= _KEPT:
             status, relaxed = status.removesuffix(" relaxed"), 0.0
-        self._plan = plan + self._ahead(t)
+        plan = plan + self._ahead(t)
+        return self._command_of(plan, now, StepRecord(t, status, perf_counter() - began, kkt, relaxed))
+
+    def _command_of(self, plan: np.ndarray, now: np.ndarray, record: StepRecord) -> np.ndarray:
+        """The first command of a plan of total inputs, within hard limits; plan and record are kept."""
         under_way = self._command if self.delay else None
-        now = measurement.inputs if under_way is None else under_way
-        command = self._command = self._clipped(plan[0] + self._ahead(t)[0], now)
-        self.records.append(StepRecord(t, status, perf_counter() - began, kkt, relaxed))
-        return command
+        self._plan, self._command = plan, self._clipped(plan[0], now if under_way is None else under_way)
+        self.records.append(record)
+        return self._command
+
+    def _inputs_now(self, t: float, measurement: Measured | None) -> np.ndarray:
+        believed = self.reference.inputs_at(t) if self._command is None else self._command
+        return known_inputs(None if measurement is None else measurement.inputs, believed)
+
+    def _seen(self, measurement: Any, inputs: np.ndarray) -> Any:
+        """What a sample tells, with known inputs; None where that is nothing."""
+        return seen(self.linear.dynamics.structure, measurement, inputs)
 
     def statement(self, t: float, measurement: Measured) -> tuple[Condensed, Limits, QP]:
         """The problem of one step in full, without solving it."""
@@ -295,7 +318,12 @@ class MPC:
         if self._plan is None:
             return np.broadcast_to(limits.start[-nu:], limits.input_upper.shape).copy()
         reference = self.linear.dynamics.members.input_bounds[1] - limits.input_upper
-        return np.vstack([self._plan[1:], self._plan[-1:]]) - reference
+        return self._continued(self._plan) - reference
+
+    @staticmethod
+    def _continued(plan: np.ndarray) -> np.ndarray:
+        """What a plan does from its second period on; its end is held."""
+        return np.vstack([plan[1:], plan[-1:]])
 
     def _clipped(self, command: np.ndarray, now: np.ndarray) -> np.ndarray:
         """The command within rate and rest-length limits, to the last bit."""

@@ -146,19 +146,25 @@ class OutputMPC(MPC):
 
         Parameters
         ----------
-        measurement : Reading
-            What the sensors show; NaN stands for what is missing.
+        measurement : Reading or None
+            What the sensors show; NaN stands for what is missing, None for a sample that never came.
 
         Raises
         ------
         SynthesisError
             When anything but a reading of these sensors is shown.
         """
-        self._refuse_others(measurement)
+        if measurement is not None:
+            self._refuse_others(measurement)
         command = super().step(t, measurement)
         assert self._looked is not None
-        self._memory = self._looked.estimate, measurement.inputs - self.linear.equilibrium.inputs
+        self._memory = self._looked.estimate, self._looked.reading.inputs - self.linear.equilibrium.inputs
         return command
+
+    def _seen(self, measurement: Any, inputs: np.ndarray) -> Reading:
+        """The reading, with known inputs: the filter goes on without what is missing."""
+        missing = np.full(self.sensors.noise.size, np.nan)
+        return Reading(missing if measurement is None else measurement.values, inputs)
 
     def _refuse_others(self, measurement: object) -> None:
         if not isinstance(measurement, Reading) or measurement.values.shape != self.sensors.noise.shape:

@@ -1,0 +1,50 @@
+"""What a sample tells a predictive controller: a state, or nothing.
+
+Rods keep their lengths, so nodes between which a rod has grown or shrunk by half are no measurement of this structure;
+neither are numbers that are missing (NaN) or infinite, nor a sample that never came (None).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.structure import Structure
+from tensctl.synthesis.feedback import Measured
+
+# Part of its length by which a rod may seem changed: far beyond the noise of any sensor that could control a shape.
+_FITS = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A sample with a state.
+
+    Attributes
+    ----------
+    nodes, velocities : (N, 3) m, m/s
+    inputs : (nu,) m
+    """
+
+    nodes: Float[np.ndarray, "nodes 3"]
+    velocities: Float[np.ndarray, "nodes 3"]
+    inputs: Float[np.ndarray, " nu"]
+
+
+def seen(structure: Structure, measurement: Measured | None, inputs: Float[np.ndarray, " nu"]) -> Seen | None:
+    """The sample, with inputs that are known in any case; None where it tells no state of the structure."""
+    if measurement is None:
+        return None
+    tail, head = measurement.nodes[structure.rods[:, 0]], measurement.nodes[structure.rods[:, 1]]
+    moving = measurement.velocities[structure.rods]
+    if not (np.isfinite(tail).all() and np.isfinite(head).all() and np.isfinite(moving).all()):
+        return None
+    stretch = np.linalg.norm(head - tail, axis=1) / structure.rod_lengths - 1.0
+    return Seen(measurement.nodes, measurement.velocities, inputs) if np.abs(stretch).max() <= _FITS else None
+
+
+def known_inputs(measured: np.ndarray | None, believed: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:
+    """Inputs as measured, and as believed where nothing was measured, m."""
+    return believed if measured is None else np.where(np.isfinite(measured), measured, believed)
