@@ -41,7 +41,7 @@ def predictive_tables(mpc: MPC) -> tuple[Table, ...]:
     W = np.linalg.inv(np.linalg.cholesky(problem.H))
     rest = mpc.reference.equilibrium
     lower, upper = members.input_bounds
-    margin = (rest.tensions[problem.tendons] - mpc.tension_min) / problem.tension_scale
+    margin = problem.margin(rest.tensions, mpc.tension_min)
     reach = mpc.rate_max * mpc.dt / members.gearing.largest
     return (
         Table("H_lower", lower_triangle(problem.H), "H, lower triangle row by row, J/m^2 s"),
@@ -51,7 +51,7 @@ def predictive_tables(mpc: MPC) -> tuple[Table, ...]:
         Table("tension_from_start", problem.tension_from_state, "scaled tension deviations from the start s, m"),
         Table("tension_block", _first_column(problem), "first block column of the tension rows"),
         Table("row_size", np.concatenate([_sizes(W), _sizes(W @ problem.rows.T)]), "size of W times each row"),
-        Table("tension_margin", margin, "tension at rest above the floor, over the scale, m"),
+        Table("tension_margin", margin, "tension at rest within its limit, over the scale, m"),
         Table("tension_scale", problem.tension_scale, "N/m"),
         Table("reach", reach, "largest change of each input in a period, m"),
         Table("input_rest", rest.inputs, "inputs at the equilibrium, m"),

@@ -122,7 +122,7 @@ def _limits(results: Results) -> Limits | None:
     if results.mpc is None:
         return None
     members, mpc = results.equilibrium.potential.members, results.mpc
-    return Limits(mpc.tension_min, members.floors, mpc.rate_max, mpc.problem.tendons)
+    return Limits(mpc.tension_min, members.floors, mpc.rate_max, mpc.problem.floored)
 
 
 def _height(results: Results) -> Height | None:

@@ -66,7 +66,7 @@ def certify(mpc: MPC, run: Run) -> Certificate:
 
 def _below(mpc: MPC, run: Run) -> int:
     """Recorded times below the floor, of the tendons that have one: taut at the reference, not between pins."""
-    watched = run.tensions[:, mpc.problem.tendons]
+    watched = run.tensions[:, mpc.problem.floored]
     return int((watched < mpc.tension_min * (1 - 1e-9)).any(axis=1).sum())
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -52,6 +52,8 @@ class Members:
         Tendons that have an actuator, acting or not.
     rate_max : float, m/s
         Fastest that a command changes a rest length.
+    force_max : (nt,) N
+        Largest tension that an actuator may meet, its stall limit; infinite where none is given or none acts.
     lag : float, s
         Time constant tau of the actuators, du/dt = (command - u)/tau; 0 without lag.
     pushed : (nw,) int
@@ -79,6 +81,7 @@ class Members:
     pushed: Int[np.ndarray, " pushed"]
     radius: Float[np.ndarray, " rods"]
     EI: Float[np.ndarray, " rods"]
+    force_max: Float[np.ndarray, " tendons"]
     rate_max: float = np.inf
     lag: float = 0.0
 
@@ -147,9 +150,25 @@ def build_members(scene: Scene, structure: Structure) -> Members:
         pushed=_pushed(scene, structure),
         radius=by_label(structure.rod_labels, scene.rods.radius, "rods.radius", default=0.0),
         EI=by_label(structure.rod_labels, EI, "rods.EI", default=np.inf),
+        force_max=_force_max(scene, structure, inputs),
         rate_max=np.inf if scene.actuators.rate_max is None else scene.actuators.rate_max,
         lag=scene.actuators.lag,
     )
+
+
+def _force_max(scene: Scene, structure: Structure, inputs: np.ndarray) -> np.ndarray:
+    """Stall limits of the acting tendons; merged ones add up, as their stiffnesses do."""
+    given, limits = scene.actuators.force_max, np.full(len(structure.tendons), np.inf)
+    if given is None:
+        return limits
+    for pattern in given if isinstance(given, Mapping) else ():
+        if not np.isin(matches(structure.tendon_labels, pattern, "actuators.force_max"), inputs).any():
+            raise StructureError(
+                f'actuators.force_max: "{pattern}" names no tendon with an acting actuator; '
+                "name one of actuators.tendons, or leave it out."
+            )
+    limits[inputs] = _summed(structure, given, "actuators.force_max", default=np.inf)[inputs]
+    return limits
 
 
 def _summed(structure: Structure, values, key: str, default: float | None = None) -> np.ndarray:

@@ -4,10 +4,11 @@ With e the state's and v the inputs' deviation from the reference, and rest leng
 
     (e, v)_(k+1) = A (e, v)_k + B v_(k+1),   cost  sum e'Q e + v'R v  +  (e, v)_N' P (e, v)_N
     hard         lower <= v <= upper,  |change of the total input| <= rate_max dt
-    soft         T = T_ref + C e + D v >= tension_min at the end of every period
+    soft         force_max >= T = T_ref + C e + D v >= tension_min at the end of every period
 
 P solves the discrete Riccati equation, so without active constraints the first input is the infinite-horizon optimum.
-Tension rows are divided by the stiffness: every row is in metres.
+Tension rows are divided by the stiffness: every row is in metres. A stall limit force_max is a row of its own, turned
+about, so that all of them are floors; without one there is no such row.
 """
 
 from __future__ import annotations
@@ -46,7 +47,11 @@ class Condensed:
         Tension rows, then rate rows.
     tension_scale : (nT,) N/m
     tendons : (nT,)
-        Which tendons have a tension row.
+        Whose tension each row bounds.
+    side : (nT,)
+        1 for rows of tension_min, -1 for rows of force_max, which are turned about.
+    force_max : (nT,) N
+        Stall limit of each row's tendon.
     offset : (nx + nu, nx + nu)
         Half its quadratic form in (e_0, v_0) is the constant part of the cost.
     """
@@ -62,12 +67,24 @@ class Condensed:
     riccati_residual: float
     tension: Float[np.ndarray, "nT n"]
     tendons: np.ndarray
+    side: Float[np.ndarray, " nT"]
+    force_max: Float[np.ndarray, " nT"]
     tension_scale: Float[np.ndarray, " nT"]
     H: np.ndarray
     from_state: np.ndarray
     tension_from_state: np.ndarray
     rows: np.ndarray
     offset: Float[np.ndarray, "n n"]
+
+    @property
+    def floored(self) -> np.ndarray:
+        """Tendons that have a tension floor: taut at the equilibrium, not between pins."""
+        return self.tendons[self.side > 0]
+
+    def margin(self, tensions: Float[np.ndarray, "*k tendons"], tension_min: float) -> Float[np.ndarray, "*k nT"]:
+        """How far tensions, N, are within the limit of each row, scaled, m."""
+        limit = np.where(self.side > 0, tension_min, self.force_max)
+        return self.side * (tensions[..., self.tendons] - limit) / self.tension_scale
 
     def constant(self, start: Float[np.ndarray, " n"]) -> float:
         """The part of the cost that no input changes, which the condensed objective drops."""
@@ -90,7 +107,7 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> 
     Q[:nx, :nx] = weights.energy * dt * np.eye(nx)
     R = weights.input * dt * np.diag(input_stiffness(linear))
     terminal = dare(A, B, Q, R)
-    tension, tendons, scale = _tension(linear)
+    tension, tendons, side = _tension(linear)
     free, forced = _predict(A, B, horizon)
     stages = _stage_weights(Q, terminal.X, horizon)
     weighted = stages @ forced
@@ -100,7 +117,8 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> 
     rate_rows = np.kron(np.eye(horizon) - np.eye(horizon, k=-1), np.eye(nu))
     return Condensed(
         horizon=horizon, sampled=sampled, A=A, B=B, Q=Q, R=R, P=terminal.X, K=terminal.K,
-        riccati_residual=terminal.residual, tension=tension, tendons=tendons, tension_scale=scale,
+        riccati_residual=terminal.residual, tension=tension, tendons=tendons, side=side,
+        force_max=linear.dynamics.members.force_max[tendons], tension_scale=_scale(linear, tendons),
         H=0.5 * (H + H.T),
         from_state=weighted.T @ free.reshape(-1, nx + nu),
         tension_from_state=(tension @ free).reshape(-1, nx + nu),
@@ -110,12 +128,19 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> 
 
 
 def _tension(linear: LinearModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scaled tension map of (e, v), the tendons it speaks of (taut, not between pins) and their scale."""
+    """Scaled tension map of (e, v), the tendons of its rows (taut, not between pins) and their sides."""
     structure, members = linear.dynamics.structure, linear.dynamics.members
     kept = np.flatnonzero((linear.equilibrium.tensions > 0) & ~structure.grounded_tendons)
+    stalling = kept[np.isfinite(members.force_max[kept])]
+    tendons, side = np.concatenate([kept, stalling]), np.repeat([1.0, -1.0], [kept.size, stalling.size])
     model = shown(linear, "tensions")
-    scale = members.stiffness[kept] / (1.0 if members.law == "k" else members.rest_lengths[kept])
-    return np.hstack([model.C, model.D])[kept] / scale[:, None], kept, scale
+    return np.hstack([model.C, model.D])[tendons] * (side / _scale(linear, tendons))[:, None], tendons, side
+
+
+def _scale(linear: LinearModel, tendons: np.ndarray) -> np.ndarray:
+    """Newtons that a metre of these tendons stands for."""
+    members = linear.dynamics.members
+    return members.stiffness[tendons] / (1.0 if members.law == "k" else members.rest_lengths[tendons])
 
 
 def _predict(A: np.ndarray, B: np.ndarray, horizon: int) -> tuple[np.ndarray, np.ndarray]:

@@ -23,7 +23,7 @@ class Limits:
     start : (nx + nu,)
         (e_0, v_0).
     tension_margin : (N, nT) m
-        Reference tension above the floor, over the stiffness.
+        How far the reference tension is above its floor, or below its stall limit, over the stiffness.
     input_lower, input_upper : (N, nu) m
         From the rest-length floors.
     change_lower, change_upper : (N, nu) m
@@ -54,7 +54,7 @@ class Limits:
         )
 
     def shortfall(self, problem: Condensed, plan: Float[np.ndarray, "N nu"]) -> float:
-        """Largest tension that the plan leaves missing below the floor, N."""
+        """Largest tension that the plan leaves missing below a floor, or has above a stall limit, N."""
         rows = problem.rows[: self.tension_margin.size]
         predicted = problem.tension_from_state @ self.start + rows @ plan.ravel()
         below = -(predicted.reshape(self.tension_margin.shape) + self.tension_margin) * problem.tension_scale

@@ -1,13 +1,13 @@
-"""Model predictive control of rest lengths: hard limits always, tension floors wherever they can be kept.
+"""Model predictive control of rest lengths: hard limits always, limits of tension wherever they can be kept.
 
 The controller follows a reference of equilibria and controls the deviation from it with the linear model of the nearest
 planned equilibrium (`synthesis.condensed` states the problem). Rest lengths reach the command at the end of the period,
 which begins when the computation is over: the state is predicted to then, with the command that is still under way.
 
 A step asks the first solver, judges the answer by its recomputed KKT residual, then asks the next one, in the order of
-`synthesis.qp_solvers`. When the tension floors cannot all be kept, they are relaxed by as little as possible and the
-step says by how much. Without any acceptable answer, or any measurement, the last plan is shifted and clipped to the
-hard limits.
+`synthesis.qp_solvers`. When the limits of tension cannot all be kept, they are relaxed by as little as possible and
+the step says by how much. Without any acceptable answer, or any measurement, the last plan is shifted and clipped to
+the hard limits.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ class StepRecord:
     ----------
     time : float, s
     status : str
-        Solver that answered, with " relaxed" when tension floors gave way; "fallback" when none did; or
+        Solver that answered, with " relaxed" when limits of tension gave way; "fallback" when none did; or
         "no measurement".
     solve_time : float, s
     kkt : float
         Recomputed KKT residual (nan without an answer).
     relaxed : float, N
-        By how much the worst tension floor had to give way; 0 when all are kept.
+        By how much the worst limit of tension had to give way; 0 when all are kept.
     """
 
     time: float
@@ -102,7 +102,8 @@ class MPC:
     dt : float, s
         Control period; every mode must be slower than its Nyquist frequency.
     tension_min : float, N
-        Floor of every taut tendon's tension (soft, relaxed only when it cannot be kept).
+        Floor of every taut tendon's tension (soft, relaxed only when it cannot be kept); the scene's
+        `actuators.force_max` bounds tensions of actuated tendons from above in the same way.
     rate_max : float, m/s
         Limit of every rest length's rate (hard).
     weights : Weights
@@ -239,12 +240,12 @@ class MPC:
         state, inputs = self._when_it_acts(piece, state, measurement.inputs - rest)
         ahead = self._ahead(t)
         before = np.vstack([self.reference.inputs_at(acts), ahead[:-1]])
-        margin = self.reference.tensions_at(self._times(t))[:, piece.problem.tendons] - self.tension_min
+        tensions = self.reference.tensions_at(self._times(t))
         reach = self._reach
         lower, upper = members.input_bounds
         return Limits(
             start=np.concatenate([state - here, inputs + rest - before[0]]),
-            tension_margin=margin / piece.problem.tension_scale,
+            tension_margin=piece.problem.margin(tensions, self.tension_min),
             input_lower=lower - ahead,
             input_upper=upper - ahead,
             change_lower=-reach - (ahead - before),

@@ -243,9 +243,8 @@ class OutputMPC(MPC):
 
     @cached_property
     def _margin(self) -> Float[np.ndarray, " nT"]:
-        """Tensions of the equilibrium above the floor, scaled, m."""
-        problem = self.problem
-        return (self.linear.equilibrium.tensions[problem.tendons] - self.tension_min) / problem.tension_scale
+        """How far tensions of the equilibrium are within their limits, scaled, m."""
+        return self.problem.margin(self.linear.equilibrium.tensions, self.tension_min)
 
     @cached_property
     def _tension_shown(self) -> Float[np.ndarray, "nT nd"]:
@@ -254,7 +253,7 @@ class OutputMPC(MPC):
         first = self.sensors.lengths.size
         rows = np.zeros((len(self.linear.dynamics.structure.tendons), self.model.shown.shape[1]))
         rows[measured] = self.model.shown[first : first + measured.size]
-        return rows[problem.tendons] / problem.tension_scale[:, None]
+        return rows[problem.tendons] * (problem.side / problem.tension_scale)[:, None]
 
     @cached_property
     def _programme(self) -> SteadyTarget:

@@ -18,6 +18,7 @@ from tensctl.errors import SynthesisError
 from tensctl.statics import Equilibrium, find_equilibrium
 from tensctl.synthesis.shape import ShapeProblem
 from tensctl.synthesis.target import Feature, features_of, wanted_target
+from tensctl.synthesis.tension_room import stalled
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene, TargetStage
@@ -127,7 +128,7 @@ class ShapePath:
         return _spline(np.stack([manifold.logarithm(first, e.nodes) for e in self.equilibria]))
 
     def verify(self, tension_min: float = 0.0) -> None:
-        """Check that every planned equilibrium balances, holds and keeps its tensions.
+        """Check that every planned equilibrium balances, holds and keeps its tensions, stall limits among them.
 
         Raises
         ------
@@ -138,6 +139,8 @@ class ShapePath:
             equilibrium.verify()
             kept = ~equilibrium.structure.grounded_tendons
             lowest = equilibrium.tensions[kept].min(initial=np.inf)
+            if beyond := stalled(equilibrium):
+                raise SynthesisError(f"planned shape {k} has {beyond}.")
             if not equilibrium.stable or (k > 0 and lowest < tension_min * (1 - 1e-6)):
                 raise SynthesisError(
                     f"planned shape {k} is {equilibrium.stable}, its lowest tension {lowest:.3g} N; "
@@ -159,7 +162,7 @@ def plan_shape(
     ----------
     scene : Scene
         `[target]` gives `height_scale`, `twist`, `tip` or `nodes`, or several, with `start` and `duration`; `[mpc]`
-        gives `tension_min` and `rate_max`.
+        gives `tension_min` and `rate_max`, and `[actuators]` the stall limits `force_max`.
     target : float, or table with the keys of `[target]`, optional
         Height over the equilibrium's height; the scene's own target by default.
     start : Equilibrium, optional
@@ -170,11 +173,13 @@ def plan_shape(
     Raises
     ------
     SynthesisError
-        A shape out of reach, or a duration too short for the rate limit.
+        A shape out of reach, a start beyond a stall limit, or a duration too short for the rate limit.
     """
     start = find_equilibrium(scene) if start is None else start
     if not start.stable:
         raise SynthesisError(f"a path starts from a stable equilibrium, and this one is: {start.stable}.")
+    if beyond := stalled(start):
+        raise SynthesisError(f"the path's start has {beyond}; raise that limit, or begin with longer rest lengths.")
     wanted = wanted_target(scene, target)
     if tension_min is None:
         tension_min = 0.0 if scene.mpc is None else scene.mpc.tension_min

@@ -1,8 +1,9 @@
-"""Tension floors that cannot all be kept: give way by as little as possible, one slack a stage.
+"""Limits of tension that cannot all be kept: give way by as little as possible, one slack a stage.
 
     minimise  z'Hz/2 + f'z + weight sum eps_k + small |eps|^2,   eps_k >= 0,   tension rows of stage k + eps_k >= floor
 
-It is asked only when the hard problem has no solution, so the floors are exact whenever they can be kept.
+It is asked only when the hard problem has no solution, so the limits are exact whenever they can be kept. A stall
+limit is a floor turned about (`synthesis.condensed`), so its slack raises it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Rest lengths for a new shape: least change of u along equilibria whose tensions stay above a floor.
+"""Rest lengths for a new shape: least change of u along equilibria whose tensions stay within their limits.
 
-    minimise |u|^2   subject to   h(p(u)) = wanted (each feature),   T(u) >= tension_min,   L0 - u >= floor
+    minimise |u|^2   subject to   h(p(u)) = wanted (each feature),   tension_min <= T(u) <= force_max,   L0 - u >= floor
 
 p(u) is the equilibrium itself, so every iterate balances. Sequential quadratic programming with the exact static
 influence dp/du = J Phi diag(1/omega^2) Phi'G: constraints converge as Newton does, the minimum linearly. The curvature
@@ -16,10 +16,11 @@ import numpy as np
 
 from tensctl.analysis import static_influence
 from tensctl.errors import EquilibriumError, SynthesisError
-from tensctl.statics import Equilibrium, settle, stretch_map
+from tensctl.statics import Equilibrium, settle
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
 from tensctl.synthesis.target import Feature
+from tensctl.synthesis.tension_room import limited, room, room_slope
 from tensctl.threads import one_blas_thread
 
 _STEPS = 200
@@ -50,7 +51,7 @@ class ShapeProblem:
         Raises
         ------
         SynthesisError
-            When the rest lengths cannot make the shape with these floors.
+            When the rest lengths cannot make the shape within these limits.
         """
         if not start.inputs.size:
             raise SynthesisError("no tendon has an actuator that moves anything, so no other shape can be made.")
@@ -70,19 +71,21 @@ class ShapeProblem:
             if met and np.abs(step).max() <= _CHANGE * max(np.abs(now.inputs).max(), 1e-300):
                 return now
         raise SynthesisError(
-            f"no rest lengths were found for {self._said(wanted)} with tensions above {self.tension_min:g} N; "
-            f"the last try has {self._said(self._values(now))}; ask for less, or lower tension_min."
+            f"no rest lengths were found for {self._said(wanted)} with {self._allowed(now)}; "
+            f"the last try has {self._said(self._values(now))}; {_remedy(now)}."
         )
 
     def at_limit(self, now: Equilibrium) -> str:
-        """Tendons whose tension or rest length is at its floor, in words."""
+        """Tendons whose tension or rest length is at its limit, in words."""
         kept, members = ~now.structure.grounded_tendons, now.potential.members
         low = kept & (now.tensions <= self.tension_min * (1 + 1e-6) + 1e-9 * now.tensions.max(initial=0.0))
+        strong = now.tensions >= members.force_max * (1 - 1e-6)
         short = now.rest_lengths <= members.floors * (1 + 1e-6)
+        limits = ((low, "tension_min"), (strong, "force_max"), (short, "the least rest length"))
         said = [
             f"{', '.join(np.array(now.structure.tendon_labels)[found][:4])} {'...' if found.sum() > 4 else ''}".strip()
             + f" at {limit}"
-            for found, limit in ((low, "tension_min"), (short, "the least rest length"))
+            for found, limit in limits
             if found.any()
         ]
         return " and ".join(said) or "no tendon is at a limit yet"
@@ -104,51 +107,41 @@ class ShapeProblem:
         return 0.1 * float(start.rest_lengths.min())
 
     def _misfit(self, now: Equilibrium, wanted: np.ndarray) -> float:
-        """Errors of the features plus the worst missing tension over its stiffness, m: what a step may not raise."""
-        missing = -self._margin(now)[~now.structure.grounded_tendons].min(initial=0.0)
+        """Errors of the features plus the worst missing room of a tension, m: what a step may not raise."""
+        missing = -room(now, self.tension_min).min(initial=0.0)
         return float(np.abs(self._error(now, wanted)).sum() + missing)
 
-    def _margin(self, now: Equilibrium) -> np.ndarray:
-        """Length beyond what the tension floor asks for, m: l - L - T/k, or l - L (1 + T/EA); also of slack tendons."""
-        return now.lengths - self._share(now) * now.rest_lengths - self._extra(now)
-
-    def _margin_slope(self, now: Equilibrium, reach: np.ndarray) -> np.ndarray:
-        """Growth of the margin per unit of rest-length shortening, (nt, nu)."""
-        slope, inputs, gearing = stretch_map(now) @ reach, now.potential.members.inputs, now.potential.members.gearing
-        slope[inputs, gearing.motor] += gearing.ratio * self._share(now)[inputs]
-        return slope
-
-    def _share(self, now: Equilibrium) -> np.ndarray:
-        members = now.potential.members
-        return np.ones_like(now.lengths) if members.law == "k" else 1 + self.tension_min / members.stiffness
-
-    def _extra(self, now: Equilibrium) -> np.ndarray:
-        members = now.potential.members
-        return self.tension_min / members.stiffness if members.law == "k" else np.zeros_like(now.lengths)
+    def _allowed(self, now: Equilibrium) -> str:
+        """The limits of tension in words."""
+        return f"tensions above {self.tension_min:g} N" + " and up to force_max" * bool(limited(now).any())
 
     def _next_inputs(self, now: Equilibrium, wanted: np.ndarray, sigma: float) -> np.ndarray:
         members, reach = now.potential.members, static_influence(now)
         slopes = np.stack([feature.lever * feature.slope(now.nodes).ravel() for feature in self.features])
         rise = slopes @ (now.point.tangent @ reach)
-        kept = ~now.structure.grounded_tendons
-        slope = self._margin_slope(now, reach)[kept]
-        rows = np.vstack([rise, slope])
+        slope = room_slope(now, reach, self.tension_min)
         u = now.inputs
-        low_tension = slope @ u - self._margin(now)[kept]
+        least = slope @ u - room(now, self.tension_min)
         target = rise @ u - self._error(now, wanted)
         lower, upper = members.input_bounds
         qp = QP(
-            H=(1 + sigma) * np.eye(u.size), f=-sigma * u, A=rows,
-            lower=np.concatenate([lower, target, low_tension]),
-            upper=np.concatenate([upper, target, np.full(kept.sum(), np.inf)]),
+            H=(1 + sigma) * np.eye(u.size), f=-sigma * u, A=np.vstack([rise, slope]),
+            lower=np.concatenate([lower, target, least]),
+            upper=np.concatenate([upper, target, np.full(least.size, np.inf)]),
         )  # fmt: skip
         solution = DaqpSolver(qp).solve(qp)
         if solution.z is None:
             raise SynthesisError(
                 f"no small rest-length change leads from {self._said(self._values(now))} towards "
-                f"{self._said(wanted)} with tensions above {self.tension_min:g} N; ask for less, or lower tension_min."
+                f"{self._said(wanted)} with {self._allowed(now)}; {_remedy(now)}."
             )
         return solution.z
+
+
+def _remedy(now: Equilibrium) -> str:
+    if limited(now).any():
+        return "ask for less, lower tension_min, or raise actuators.force_max"
+    return "ask for less, or lower tension_min"
 
 
 def _size(now: Equilibrium) -> float:
