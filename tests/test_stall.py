@@ -37,7 +37,7 @@ class TestPath:
         assert path.tensions[:, ~path.target.structure.grounded_tendons].max() == pytest.approx(most, rel=1e-9)
 
     def test_least_change(self, limited):
-        """KKT by re-solved equilibria: u mixes the height's gradient and those of tensions at the limit, theirs <= 0."""
+        """KKT by re-solved equilibria: u mixes gradients of the height and of tensions at the limit, theirs <= 0."""
         scene, path, most = limited
         last = path.target
         at = np.flatnonzero(~last.structure.grounded_tendons & (last.tensions > most - 1e-6))
