@@ -133,6 +133,24 @@ class TestContinuous:
         with pytest.raises(tc.SynthesisError, match="Riccati equation"):
             care(np.diag([-1.0, 2.0]), np.array([[1.0], [0.0]]), np.eye(2), np.eye(1))
 
+    @pytest.mark.parametrize("ratio", [1e4, 1e8, 1e12])
+    def test_a_stiff_mode_decides_nothing_about_a_soft_one(self, ratio):
+        """Modes that do not see each other have each its own solution, however far apart their G and X are."""
+        given = ((1.0, 1.0, 1e2), (ratio**0.5, ratio, 1 / ratio))
+        parts = [(*oscillators([omega], [drive]), np.diag([weight, 0.0])) for omega, drive, weight in given]
+        A, B, Q = (scipy.linalg.block_diag(*each) for each in zip(*parts, strict=True))
+        alone = [np.diag(care(*part, np.eye(1)).X) for part in parts]
+        assert np.diag(care(A, B, Q, np.eye(2)).X) == pytest.approx(np.concatenate(alone), rel=1e-13, abs=0)
+
+    @pytest.mark.parametrize("drive", [0.0, 1e-16])
+    def test_refuses_beside_a_stiff_mode_what_rounding_alone_drives(self, drive):
+        """The second mode has no more of the stiff one's input than rounding leaves there."""
+        A, _ = oscillators([1.0, 3.0, 1e4], np.zeros(3))
+        B = np.zeros((6, 2))
+        B[3, 0], B[4:, 1] = 1.0, (1e8 * drive, 1e8)
+        with pytest.raises(tc.SynthesisError, match="neither damped nor driven"):
+            care(A, B, np.diag([1.0, 1.0, 1e-8, 0, 0, 0]), np.eye(2))
+
     def test_takes_a_damped_mode_that_nothing_drives(self):
         A, B = oscillators([1.0, 3.0], [1.0, 0.0])
         A = A - np.diag([0, 0, 0, 0.2])

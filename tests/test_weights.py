@@ -304,7 +304,8 @@ class TestExtremes:
         stiff = {"stiffness": {"*": 100.0, "t5_*": 1e10}, "rest_ratio": {"*": 0.8, "t5_*": 1 - 2e-9}}
         _, _, linear = solved(shell_scene(pins=["P1_*_1"], tendons=stiff))
         tc.lqr(linear).verify(1e-14)
-        tc.lqr(linear, cost=tc.weights(linear, energy=1.0, nodes=0.01, rest_lengths=0.05)).verify(1e-12)
+        for energy in (1.0, None):
+            tc.lqr(linear, cost=tc.weights(linear, energy=energy, nodes=0.01, rest_lengths=0.05)).verify(1e-12)
 
     def test_frequencies_over_six_decades(self, rng):
         """Undamped oscillators with stiffness ratio 1e12, weighed by energy."""

@@ -26,8 +26,6 @@ _DONE = 1e-15
 # The closed loop, squared at every step, has decayed to this when the doubling is done. An undamped mode that nothing
 # drives stays at size one, however little the solution still grows.
 _DECAYED = 1e-4
-# Rounding of G times the solution; above this, rounding alone would stabilise a mode that nothing drives.
-_NOTICED = 1e-3
 # Part of the closed loop's speed, about |G|^1/2 |Q|^1/2, below which the Cayley shift is not taken: A may be zero.
 _SLOW = 1e-2
 # (A - gamma I)^-1 larger than this over gamma: an unstable eigenvalue stands near gamma, or A is far from normal.
@@ -46,7 +44,7 @@ def doubling(A: Square, G: Square, H: Square, enough: float = _DONE) -> Square:
     SynthesisError
         When there is none: some mode is neither damped nor driven.
     """
-    eye, drive = np.eye(len(A)), np.linalg.norm(G)
+    eye = np.eye(len(A))
     for _ in range(_STEPS):
         if enough > _DONE:  # refined afterwards, so an inverse is good enough, in two thirds of the time
             W = inverse(eye + G @ H)
@@ -63,10 +61,13 @@ def doubling(A: Square, G: Square, H: Square, enough: float = _DONE) -> Square:
             break
         # What further steps add is at most about |A|^2 |H|.
         if left**2 <= enough or (np.linalg.norm(growth) <= _DONE * size and left <= _DECAYED):
-            if np.finfo(float).eps * drive * size <= _NOTICED:
-                return H
-            break
-    raise SynthesisError(
+            return H
+    raise no_solution()
+
+
+def no_solution() -> SynthesisError:
+    """What is said where some mode is neither damped nor driven."""
+    return SynthesisError(
         "the Riccati equation has no stabilising solution: some mode is neither damped nor driven by an input; "
         "see the controllability report, or give the mode a tendon that reaches it."
     )

@@ -11,18 +11,23 @@ rounding: the residual then stays large.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Inexact
 
 from tensctl.errors import SynthesisError
-from tensctl.synthesis.doubling import Square, cayley, cayley_shift, doubling, hermitian, lyapunov
+from tensctl.synthesis.doubling import Square, cayley, cayley_shift, doubling, hermitian, lyapunov, no_solution
 from tensctl.threads import one_blas_thread
 
 # A solution that leaves more than this of its own terms is no solution.
 _REFUSED = 1e-6
 # What the doubling may leave out: Newton's step squares it.
 _HALF = 1e-7
+# Part of a pole's decay, or of the discrete loop, that rounding may make up: above it rounding alone could have
+# stabilised a mode that nothing drives.
+_NOTICED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +67,14 @@ def care(A: Square, B: np.ndarray, Q: Square, R: np.ndarray) -> Riccati:
     weighted = np.linalg.solve(R, B.conj().T)
     G = hermitian(B @ weighted)
     gamma = cayley_shift(A, G, Q)
-    X = doubling(*cayley(A, G, Q, gamma), enough=_HALF)
+    forward, spread, weight = cayley(A, G, Q, gamma)
+    X = doubling(forward, spread, weight, enough=_HALF)
+    certain = _beyond_rounding(spread, X)
     X, left, terms = _newton(A, G, Q, X, gamma)
-    return _checked(X, weighted @ X, left, terms)
+    K = weighted @ X
+    if not certain and not _stable_for_every_rounding(A, B, K):
+        raise no_solution()
+    return _checked(X, K, left, terms)
 
 
 @one_blas_thread()
@@ -76,7 +86,10 @@ def dare(A: Square, B: np.ndarray, Q: Square, R: np.ndarray) -> Riccati:
     SynthesisError
         When no stabilising solution is found.
     """
-    X = doubling(A, B @ np.linalg.solve(R, B.conj().T), Q)
+    G = B @ np.linalg.solve(R, B.conj().T)
+    X = doubling(A, G, Q)
+    if not _beyond_rounding(G, X):
+        raise no_solution()
     K = np.linalg.solve(R + B.conj().T @ X @ B, B.conj().T @ X @ A)
     carried = A.conj().T @ X
     terms = (carried @ A, -(carried @ B) @ K, -X, Q)
@@ -98,6 +111,27 @@ def _newton(A: Square, G: Square, Q: Square, X: Square, gamma: float) -> tuple[S
         if _norm(after) < _norm(left):
             return X + change, _norm(after), terms_after
     return X, _norm(left), terms
+
+
+def _beyond_rounding(G: Square, X: Square) -> bool:
+    """Whether rounding of the doubling's first G is too small, beside its solution, to have stabilised anything."""
+    return bool(np.finfo(float).eps * np.linalg.norm(G) * np.linalg.norm(X) <= _NOTICED)
+
+
+def _stable_for_every_rounding(A: Square, B: np.ndarray, K: np.ndarray) -> bool:
+    """Whether every pole of A - BK stays stable, to first order, when columns of B change by rounding of their length.
+
+    A pole with left and right eigenvectors w, v moves by w* dB K v / w*v, and by the rounding of the eigenvalue solver,
+    which balances the loop. Asked where `_beyond_rounding` says no, since a stiff mode has a large G and a soft one a
+    large X; all eigenvectors take about as long as the doubling.
+    """
+    balanced: Any = sla.matrix_balance(A - B @ K, permute=False, separate=True)
+    loop, (scales, _) = balanced
+    poles, left, right = sla.eig(loop, left=True)
+    moved = np.linalg.norm(B, axis=0) @ np.abs(K @ (scales[:, None] * right))
+    moved = moved * np.linalg.norm(left / scales[:, None], axis=0) + np.linalg.norm(loop)
+    moved = moved / np.abs(np.sum(left.conj() * right, axis=0))
+    return bool((np.finfo(float).eps * moved <= -_NOTICED * poles.real).all())
 
 
 def _norm(M: np.ndarray) -> float:
