@@ -86,6 +86,23 @@ class TestOptimum:
         asked = relax(qp, HORIZON)
         assert (used.solve(asked).z == new_solver("piqp", problem, soft=True).solve(asked).z).all()
 
+    def test_a_tolerance_reaches_each_solver(self, mast, controller):
+        """Loose answers are off by more than tight ones; an active set breaks rows by as much as it may."""
+        problem, limits, qp = controller.statement(0.0, disturbed(mast, *BUSY))
+        exact = DaqpSolver(qp).solve(qp).z
+        for name in SOLVERS:
+            loose, tight = (new_solver(name, problem, soft=False, tol=tol).solve(qp) for tol in (1e-3, 1e-9))
+            off, near = (np.abs(found.z - exact).max() for found in (loose, tight))
+            assert near < 1e-6
+            assert tight.kkt < 1e-7
+            if name == "piqp":  # its answers are polished
+                assert off <= 1e-6
+            else:
+                assert off > 10 * near
+        loose = new_solver("daqp", problem, soft=False, tol=1e-3).solve(qp)
+        assert 1e-6 < qp.violation(loose.z) <= 1e-3
+        assert np.abs(reference_optimum(problem, limits, tol=1e-3)[1].ravel() - exact).max() > 1e-6
+
     def test_an_active_set_that_takes_long_hands_over(self, mast, controller):
         """Within a few iterations there is no answer, and the interior point's is the one that long ones give."""
         _, _, qp = controller.statement(0.0, disturbed(mast, *BUSY))

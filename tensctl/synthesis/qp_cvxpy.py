@@ -12,8 +12,8 @@ from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.limits import Limits
 
 
-def reference_optimum(problem: Condensed, limits: Limits) -> tuple[float, np.ndarray]:
-    """Solve the sparse problem with Clarabel through cvxpy.
+def reference_optimum(problem: Condensed, limits: Limits, tol: float = 1e-12) -> tuple[float, np.ndarray]:
+    """Solve the sparse problem with Clarabel through cvxpy, to a tolerance of its residuals and gap.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def reference_optimum(problem: Condensed, limits: Limits) -> tuple[float, np.nda
     if held.any():
         rules.append(v[held] >= limits.input_lower[held])
     statement = cp.Problem(cp.Minimize(cost), rules)
-    statement.solve(solver=cp.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12, tol_ktratio=1e-12)
+    statement.solve(solver=cp.CLARABEL, tol_gap_abs=tol, tol_gap_rel=tol, tol_feas=tol, tol_ktratio=tol)
     if v.value is None:
         return np.inf, np.full((N, nu), np.nan)
     return float(np.asarray(statement.value, float)), np.asarray(v.value)

@@ -7,8 +7,6 @@ import numpy as np
 from tensctl.synthesis.qp import QP, Solution, judged
 
 _INFINITE = 1e30
-# Largest violation of a row, m.
-_FEASIBLE = 1e-10
 _INFEASIBLE = -1
 # Iterations after which it hands over, 0.1 to 0.3 ms each at (3,1) with 20 stages. Most problems with a solution take
 # fewer than 70; with some 400 limits acting it is 750 and more, and an interior point is as fast from some 150 on.
@@ -24,19 +22,21 @@ class DaqpSolver:
         Gives H and A.
     most : int
         Iterations after which it gives up.
+    tol : float, m
+        Largest violation of a row. Rows are metres: DAQP's own 1e-6 would be a newton at k = 1e6, and fails the KKT
+        test on small motions.
     """
 
     name = "daqp"
 
-    def __init__(self, qp: QP, most: int = 100_000) -> None:
+    def __init__(self, qp: QP, most: int = 100_000, tol: float = 1e-10) -> None:
         import daqp
 
         self._model = daqp.Model()
         flag, _ = self._model.setup(
             np.ascontiguousarray(qp.H), qp.f.copy(), np.ascontiguousarray(qp.A), _clipped(qp.upper), _clipped(qp.lower)
         )
-        # Rows are metres: DAQP's own 1e-6 would be a newton at k = 1e6 and fails the KKT test on small motions.
-        self._model.settings = {**self._model.settings, "primal_tol": _FEASIBLE, "iter_limit": most}
+        self._model.settings = {**self._model.settings, "primal_tol": tol, "iter_limit": most}
         self._ready = flag >= 0
 
     def solve(self, qp: QP) -> Solution:

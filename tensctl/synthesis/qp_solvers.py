@@ -39,9 +39,17 @@ def order_of(first: str, variables: int) -> tuple[tuple[str, bool], ...]:
     return (*((name, False) for name in hard), *((name, True) for name in soft))
 
 
-def new_solver(name: str, problem: Condensed, *, soft: bool) -> Solver:
-    """Set up a solver for a problem at rest, its floors with slack or without; f and bounds may change afterwards."""
+def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None = None) -> Solver:
+    """Set up a solver for a problem at rest, its floors with slack or without; f and bounds may change afterwards.
+
+    Parameters
+    ----------
+    tol : float, optional
+        In the solver's own measure, and without a bound on the active set's iterations; as a controller asks the
+        solver by default.
+    """
     rest = relax(_blank(problem), problem.horizon) if soft else _blank(problem)
+    asked = {} if tol is None else {"tol": tol}
     if name in ("piqp", "clarabel"):
         from tensctl.synthesis.qp_stages import Stages
 
@@ -49,17 +57,17 @@ def new_solver(name: str, problem: Condensed, *, soft: bool) -> Solver:
         if name == "piqp":
             from tensctl.synthesis.qp_piqp import PiqpSolver
 
-            return PiqpSolver(stages, rest.H)
+            return PiqpSolver(stages, rest.H, **asked)
         from tensctl.synthesis.qp_clarabel import ClarabelSolver
 
-        return ClarabelSolver(stages)
+        return ClarabelSolver(stages, **asked)
     if name == "daqp":
         from tensctl.synthesis.qp_daqp import QUICK, DaqpSolver
 
-        return DaqpSolver(rest) if soft else DaqpSolver(rest, QUICK)
+        return DaqpSolver(rest, **asked) if soft or asked else DaqpSolver(rest, QUICK)
     from tensctl.synthesis.qp_osqp import OsqpSolver
 
-    return OsqpSolver(rest)
+    return OsqpSolver(rest, **asked)
 
 
 def _blank(problem: Condensed) -> QP:
