@@ -32,6 +32,8 @@ def predictive_tables(mpc: MPC) -> tuple[Table, ...]:
     if isinstance(mpc, OutputMPC) or mpc.delay:
         what = "estimates from its sensors" if isinstance(mpc, OutputMPC) else f"allows for a delay of {mpc.delay:g} s"
         raise OutputError(f"this MPC {what}, and the C source has neither; export a tc.MPC without delay.")
+    if mpc.signal is not None:
+        raise OutputError("this MPC follows a signal, and the C source holds one equilibrium; export one without.")
     if not isinstance(mpc.reference, Hold):
         raise OutputError(
             "this MPC follows a path of shapes over time, and the C source holds one equilibrium; "

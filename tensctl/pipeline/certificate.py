@@ -85,7 +85,7 @@ def _twice(mpc: MPC, run: Run, k: int) -> tuple[float, float]:
     problem, limits, qp = mpc.statement(t, shown)
     plan = mpc.solve(t, shown)
     cost, inputs = reference_optimum(problem, limits)
-    ours = qp.objective(plan.ravel()) + problem.constant(limits.start)
+    ours = qp.objective(plan.ravel()) + problem.constant(limits.start, limits.wanted)
     smallest = 0.5 * _MICROMETRE**2 * float(np.trace(qp.H))
     difference = abs(ours - cost) / max(abs(ours), abs(cost), smallest)
     return float(difference), float(np.abs(plan[0] - inputs[0]).max())

@@ -1,12 +1,13 @@
 """How a structure is steered: Riccati equations, LQR, shape paths and predictive control."""
 
-from tensctl.synthesis.condensed import Condensed, Weights, condense
+from tensctl.synthesis.condensed import Condensed, condense
 from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
 from tensctl.synthesis.lqg import LQG, lqg
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.mpc import MPC, StepRecord
 from tensctl.synthesis.mpc_output import OutputMPC
+from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.path import ShapePath, plan_shape
 from tensctl.synthesis.riccati import Riccati, care, dare
 from tensctl.synthesis.sensors import Reading, Sensors, sensors

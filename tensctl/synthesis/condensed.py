@@ -2,11 +2,13 @@
 
 With e the state's and v the inputs' deviation from the reference, and rest lengths that ramp within a period,
 
-    (e, v)_(k+1) = A (e, v)_k + B v_(k+1),   cost  sum e'Q e + v'R v  +  (e, v)_N' P (e, v)_N
+    (e, v)_(k+1) = A (e, v)_k + B v_(k+1),   cost  sum e'Q e + |W (y - r)|^2 + v'R v  +  (e, v)_N' P (e, v)_N
     hard         lower <= v <= upper,  |change of the total input| <= rate_max dt
     soft         force_max >= T = T_ref + C e + D v >= tension_min at the end of every period
 
 P solves the discrete Riccati equation, so without active constraints the first input is the infinite-horizon optimum.
+Weighted outputs y = C e + D v are there when asked for, their wish r when a signal is (`synthesis.following`): r is
+known over the horizon and held after it.
 Tension rows are divided by the stiffness: every row is in metres. A stall limit force_max is a row of its own, turned
 about, so that all of them are floors; without one there is no such row.
 """
@@ -18,19 +20,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.analysis.scaling import input_stiffness
+from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, Sampled, sample_ramped
-from tensctl.synthesis.riccati import dare
+from tensctl.synthesis.following import Following, following
+from tensctl.synthesis.mpc_weights import Weights
+from tensctl.synthesis.riccati import Riccati, dare
 from tensctl.synthesis.shown import shown
 from tensctl.threads import one_blas_thread
 
-
-@dataclass(frozen=True, eq=False)
-class Weights:
-    """Stage weights: (2 energy)*energy + input_weight * sum k u^2, both in J, integrated over time."""
-
-    energy: float = 1.0
-    input: float = 1.0
+# A mode that decays by less than this part of itself in a period is one that no weighted output shows.
+_LEAST_DECAY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +53,8 @@ class Condensed:
         Stall limit of each row's tendon.
     offset : (nx + nu, nx + nu)
         Half its quadratic form in (e_0, v_0) is the constant part of the cost.
+    following : Following or None
+        How wanted outputs pull on the plan; None without a signal.
     """
 
     horizon: int
@@ -75,6 +76,7 @@ class Condensed:
     tension_from_state: np.ndarray
     rows: np.ndarray
     offset: Float[np.ndarray, "n n"]
+    following: Following | None = None
 
     @property
     def floored(self) -> np.ndarray:
@@ -86,14 +88,15 @@ class Condensed:
         limit = np.where(self.side > 0, tension_min, self.force_max)
         return self.side * (tensions[..., self.tendons] - limit) / self.tension_scale
 
-    def constant(self, start: Float[np.ndarray, " n"]) -> float:
-        """The part of the cost that no input changes, which the condensed objective drops."""
-        return float(0.5 * start @ self.offset @ start)
+    def constant(self, start: Float[np.ndarray, " n"], wanted: Float[np.ndarray, "N ny"] | None = None) -> float:
+        """The part of the cost that no input changes, which the condensed objective drops; without what only r has."""
+        pulled = 0.0 if self.following is None or wanted is None else self.following.start @ wanted.ravel()
+        return float(start @ (0.5 * self.offset @ start + pulled))
 
 
 @one_blas_thread()
-def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> Condensed:
-    """Build the condensed problem of a flexible linear model.
+def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights, *, follows: bool = False) -> Condensed:
+    """Build the condensed problem of a flexible linear model; with `follows`, for outputs that follow a signal.
 
     Raises
     ------
@@ -103,17 +106,19 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> 
     nx, nu = linear.B.shape
     sampled = sample_ramped(linear.A, linear.B, dt)
     A, B = sampled.with_input_state()
-    Q = np.zeros((nx + nu, nx + nu))
-    Q[:nx, :nx] = weights.energy * dt * np.eye(nx)
-    R = weights.input * dt * np.diag(input_stiffness(linear))
-    terminal = dare(A, B, Q, R)
+    Q, R = stage_weights(linear, dt, weights)
+    terminal = _terminal(A, B, Q, R, weights)
     tension, tendons, side = _tension(linear)
     free, forced = _predict(A, B, horizon)
-    stages = _stage_weights(Q, terminal.X, horizon)
+    stages = _by_stage(Q, terminal.X, horizon)
     weighted = stages @ forced
     stacked, weighted = forced.reshape(-1, horizon * nu), weighted.reshape(-1, horizon * nu)
     H = stacked.T @ weighted + np.kron(np.eye(horizon), R)
     tension_rows = (tension @ forced).reshape(-1, horizon * nu)
+    pull = None
+    if follows:
+        weighed, loop = weights.of_outputs(linear), A - B @ terminal.K
+        pull = following(weighed, weights.energy, R, dt, loop, terminal.K, (free, forced))
     rate_rows = np.kron(np.eye(horizon) - np.eye(horizon, k=-1), np.eye(nu))
     return Condensed(
         horizon=horizon, sampled=sampled, A=A, B=B, Q=Q, R=R, P=terminal.X, K=terminal.K,
@@ -124,7 +129,36 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights) -> 
         tension_from_state=(tension @ free).reshape(-1, nx + nu),
         rows=np.vstack([tension_rows, rate_rows]),
         offset=np.einsum("kji,kjl->il", free, stages @ free),
+        following=pull,
     )  # fmt: skip
+
+
+def stage_weights(linear: LinearModel, dt: float, weights: Weights) -> tuple[np.ndarray, np.ndarray]:
+    """Q of (e, v), (nx + nu, nx + nu), and R, (nu, nu), of one period."""
+    nx, nu = linear.B.shape
+    Q = np.zeros((nx + nu, nx + nu))
+    Q[:nx, :nx] = weights.energy * dt * np.eye(nx)
+    if weights.outputs:
+        rows = weights.of_outputs(linear).rows
+        Q += dt * rows.T @ rows
+    return Q, dt * weights.of_inputs(linear)
+
+
+def _terminal(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, weights: Weights) -> Riccati:
+    """The terminal weight; without a weight of energy, modes that no output shows would swing for ever."""
+    if weights.energy > 0:
+        return dare(A, B, Q, R)
+    try:
+        found = dare(A, B, Q, R)
+        slowest = float(np.abs(np.linalg.eigvals(A - B @ found.K)).max(initial=0.0))
+    except SynthesisError:
+        slowest, found = 1.0, None
+    if found is None or slowest > 1 - _LEAST_DECAY:
+        raise SynthesisError(
+            f"without a weight of energy the loop's slowest mode decays by {1 - slowest:.1e} of itself in a period; "
+            "the weighted outputs do not show every mode, so add outputs or give energy a weight > 0."
+        )
+    return found
 
 
 def _tension(linear: LinearModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -155,7 +189,7 @@ def _predict(A: np.ndarray, B: np.ndarray, horizon: int) -> tuple[np.ndarray, np
     return free, forced
 
 
-def _stage_weights(Q: np.ndarray, P: np.ndarray, horizon: int) -> np.ndarray:
+def _by_stage(Q: np.ndarray, P: np.ndarray, horizon: int) -> np.ndarray:
     weights = np.broadcast_to(Q, (horizon, *Q.shape)).copy()
     weights[-1] = P
     return weights

@@ -28,6 +28,8 @@ class Limits:
         From the rest-length floors.
     change_lower, change_upper : (N, nu) m
         From the rate limit and the reference's own motion.
+    wanted : (N, ny), optional
+        What is wanted of the weighted outputs over their sizes, deviations from the reference; None without a signal.
     """
 
     start: Float[np.ndarray, " n"]
@@ -36,6 +38,7 @@ class Limits:
     input_upper: Float[np.ndarray, "N nu"]
     change_lower: Float[np.ndarray, "N nu"]
     change_upper: Float[np.ndarray, "N nu"]
+    wanted: Float[np.ndarray, "N ny"] | None = None
 
     def assemble(self, problem: Condensed) -> QP:
         """The condensed QP of this step."""
@@ -44,9 +47,12 @@ class Limits:
         first[0] = self.start[-nu:]
         floor = -self.tension_margin.ravel() - problem.tension_from_state @ self.start
         upper = self.input_upper.ravel()
+        f = problem.from_state @ self.start
+        if problem.following is not None and self.wanted is not None:
+            f = f + problem.following.plan @ self.wanted.ravel()
         return QP(
             H=problem.H,
-            f=problem.from_state @ self.start,
+            f=f,
             A=problem.rows,
             lower=np.concatenate([self.input_lower.ravel(), floor, (self.change_lower + first).ravel()]),
             upper=np.concatenate([upper, np.full(floor.size, np.inf), (self.change_upper + first).ravel()]),

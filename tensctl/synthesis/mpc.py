@@ -24,15 +24,17 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
 from tensctl.linear.propagate import Stretch, stretch
 from tensctl.scene import MpcStage
-from tensctl.synthesis.condensed import Condensed, Weights, condense
+from tensctl.synthesis.condensed import Condensed, condense
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.lqr import Measured
+from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.qp import QP, Solution, Solver
 from tensctl.synthesis.qp_solvers import first_choice, new_solver, order_of
-from tensctl.synthesis.reference import Hold, Reference
+from tensctl.synthesis.reference import Hold, Reference, outputs_along
 from tensctl.synthesis.relaxed import relax
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
+from tensctl.synthesis.signal import Wanted, signal_for
 from tensctl.threads import one_blas_thread
 
 # An answer whose KKT residual is larger is refused.
@@ -116,13 +118,19 @@ class MPC:
         answer kept; `linear.condensed` lists them.
     path : ShapePath, optional
         What to follow; the linear model's equilibrium by default.
+    signal : function of time, or (times, values), optional
+        What the outputs that `weights` names should be, in total and in their own units, (ny,) or (times, ny); straight
+        lines between times, held at the ends. Without it they should be what they are on the path.
+    preview : bool
+        Whether a plan knows the signal over its horizon; otherwise it takes what is wanted now to last.
 
     Raises
     ------
     SceneError
         A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        A mode beyond the Nyquist frequency, no input, or no solution of the terminal Riccati equation.
+        A signal that does not fit the weighted outputs, a mode beyond the Nyquist frequency, no input, or no solution
+        of the terminal Riccati equation.
     """
 
     def __init__(
@@ -138,6 +146,8 @@ class MPC:
         delay: float = 0.0,
         modes: Fast = "refuse",
         path: Reference | None = None,
+        signal: Wanted | None = None,
+        preview: bool = True,
     ) -> None:
         asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, solver=solver, delay=delay, modes=modes)
         if not np.isfinite(tension_min):
@@ -152,6 +162,7 @@ class MPC:
         chosen = first_choice(self.horizon, len(self.linear.inputs), len(self.linear.A))
         self.solver, self.why = chosen if solver == "auto" else (solver, "asked for")
         self.reference: Reference = Hold(linear.equilibrium) if path is None else path
+        self.signal, self.preview = signal_for(self.weights, self.linear, signal), preview
         self._pieces: dict[int, _Piece] = {}
         self._plan: np.ndarray | None = None
         self._command: np.ndarray | None = None
@@ -250,7 +261,16 @@ class MPC:
             input_upper=upper - ahead,
             change_lower=-reach - (ahead - before),
             change_upper=reach - (ahead - before),
+            wanted=self._wanted(t, piece),
         )
+
+    def _wanted(self, t: float, piece: _Piece) -> Float[np.ndarray, "N ny"] | None:
+        """What is wanted of the outputs at the ends of the coming periods: deviations from the path, over sizes."""
+        follows, times = piece.problem.following, self._times(t)
+        if self.signal is None or follows is None:
+            return None
+        told = self.signal.at(times if self.preview else np.full(self.horizon, t))
+        return (told - outputs_along(self.reference, follows.weighed.linear, times)) / follows.weighed.sizes
 
     def _when_it_acts(self, piece: _Piece, state: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """State and inputs, deviations from the model's equilibrium, when the next command begins to act."""
@@ -283,7 +303,8 @@ class MPC:
             if equilibrium is not linear.equilibrium:
                 linear = linearize(linear.dynamics, equilibrium, outputs=()).flexible
                 linear = below_sampling_limit(linear, self.dt, self._fast)
-            piece = _Piece(linear, condense(linear, self.horizon, self.dt, self.weights), self.delay)
+            problem = condense(linear, self.horizon, self.dt, self.weights, follows=self.signal is not None)
+            piece = _Piece(linear, problem, self.delay)
             self._solver(piece, self.solver, soft=False)
             self._pieces[knot] = piece
         return self._pieces[knot]

@@ -20,10 +20,10 @@ from jaxtyping import Float
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
 from tensctl.structure.labels import matches
-from tensctl.synthesis.condensed import Weights
 from tensctl.synthesis.disturbance import Disturbed, disturbed
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.mpc import MPC
+from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.offset_filter import Estimate, OffsetFilter, offset_filter
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.sensors import Reading, Sensors

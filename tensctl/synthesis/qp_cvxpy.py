@@ -38,6 +38,9 @@ def reference_optimum(problem: Condensed, limits: Limits, tol: float = 1e-12) ->
             v[k] - before[k] >= limits.change_lower[k],
             v[k] - before[k] <= limits.change_upper[k],
         ]
+    if problem.following is not None and limits.wanted is not None:
+        for k, (pull, r) in enumerate(zip(problem.following.pulls(N), limits.wanted, strict=True)):
+            cost += (pull @ r) @ s[k + 1] + (problem.following.inputs @ r) @ v[k]
     rules.append(v <= limits.input_upper)
     held = np.isfinite(limits.input_lower)
     if held.any():

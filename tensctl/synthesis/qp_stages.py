@@ -100,6 +100,8 @@ class Stages:
         cost = np.zeros((stages, nu + nx + self.slacks))
         lower, upper = np.full(cost.shape, -np.inf), np.full(cost.shape, np.inf)
         lower[:, :nu], upper[:, :nu] = qp.lower[:n].reshape(stages, nu), qp.upper[:n].reshape(stages, nu)
+        if self.problem.following is not None:  # what is wanted of states, as the inputs that drive them feel it
+            cost[:, :nu] = (qp.f[:n] - self.problem.from_state @ qp.start).reshape(stages, nu)
         if self.slacks:
             cost[:, -1], lower[:, -1] = qp.f[slack], qp.lower[slack]
         motion = np.zeros((stages, nx))

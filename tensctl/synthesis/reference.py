@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
+from tensctl.linear import LinearModel
 from tensctl.statics import Equilibrium
 
 
@@ -70,3 +71,15 @@ class Hold:
     def knot_at(self, t: float) -> int:
         """The only one."""
         return 0
+
+
+def outputs_along(reference: Reference, linear: LinearModel, times: Float[np.ndarray, " k"]) -> np.ndarray:
+    """What the outputs of a linear model are on a reference, in total, (k, ny)."""
+    held = isinstance(reference, Hold)
+    rows = []
+    for t in times[:1] if held else times:
+        nodes = reference.nodes_at(t)
+        lengths = linear.dynamics.structure.lengths_at(nodes)
+        raw = [nodes.ravel(), reference.velocities_at(t).ravel(), lengths, reference.tensions_at(t)]
+        rows.append(linear.outputs_map.weights @ np.concatenate(raw))
+    return np.tile(rows[0], (len(times), 1)) if held else np.stack(rows)
