@@ -98,7 +98,7 @@ class TestTiming:
         assert path.time[-1] == pytest.approx(3.5)
         for k in (2, 4, 7):
             assert path.knot_at(path.time[k]) == k
-            assert np.abs(path.inputs_at(path.time[k]) - path.equilibria[k].inputs).max() < 1e-6
+            assert np.abs(path.balanced_inputs_at(path.time[k]) - path.equilibria[k].inputs).max() < 1e-6
             assert np.abs(path.nodes_at(path.time[k]) - path.equilibria[k].nodes).max() < 1e-6
 
     def test_rods_keep_their_lengths_on_the_way(self, planned):
@@ -125,7 +125,7 @@ class TestTiming:
         potential, members = path.target.potential, path.target.potential.members
         for t in 0.5 * (path.time[1:] + path.time[:-1]):
             rest = members.rest_lengths.copy()
-            rest[members.inputs] -= path.inputs_at(t)
+            rest[members.inputs] -= path.balanced_inputs_at(t)
             gradient = potential.at(path.nodes_at(t), rest).gradient
             assert np.abs(gradient).max() < (1e-4 if tension_min < 1 else 0.1)
 

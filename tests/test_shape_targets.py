@@ -111,7 +111,7 @@ def test_nodes_of_a_network():
         (shell_scene(), {"nodes": {"P4_1_1": [0.0, 0.0, 1.0]}}, "target.nodes needs pins"),
         (shell_scene(pins=PINS), {"nodes": {"top": [0.0, 0.0, 1.0]}}, "target.nodes names top"),
         (shell_scene(pins=PINS), {"tip": [0.1]}, "tip is .0.1.; expected two numbers"),
-        (shell_scene(pins=PINS), {"start": 1.0}, "names no shape; expected height_scale, twist, tip or nodes"),
+        (shell_scene(pins=PINS), {"start": 1.0}, "names no shape; expected height_scale, twist, tip, tilt or nodes"),
         (prism_scene(), {"twist": 0.1}, "target.twist needs a shell"),
     ],
 )
@@ -122,12 +122,17 @@ def test_refusals(scene, target, sentence):
 
 @pytest.mark.parametrize(
     ("name", "target", "passings"),
-    [("mast_8_4_bends", None, 0), ("shell_3_2_twist", None, 0), ("shell_3_2_twist", {"twist": 0.4}, 3)],
+    [
+        ("mast_8_4_bends", None, 0),
+        ("shell_3_2_twist", None, 0),
+        ("shell_3_2_twist", {"twist": 0.4}, 3),
+        ("pinned_mast_circle", None, 0),
+    ],
 )
 def test_rods_of_the_examples_stay_clear(name, target, passings):
     """Rods stay 0.1 m apart and pass through no tendon; twisted the other way, three do, as the example says."""
     path = tc.plan_shape(tc.load_scene(EXAMPLES / f"{name}.toml"), target)
-    time, structure = np.linspace(0, 3, 61), path.target.structure
+    time, structure = path.start + np.linspace(0, path.duration, 61), path.target.structure
     nodes, velocities = (np.stack([at(t) for t in time]) for at in (path.nodes_at, path.velocities_at))
     rods, tendons = (Segments(e, *np.zeros((2, len(e)))) for e in (structure.rods, structure.segments))
     among = clearance(time, nodes, velocities, rods)

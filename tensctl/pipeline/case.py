@@ -106,11 +106,11 @@ def _twice_stated(certificate: Certificate) -> list[Check]:
 
 def _had_time(results: Results) -> bool:
     """Whether the run leaves the controller three seconds after the motion and the last push."""
-    simulation, target = results.scene.simulation, results.scene.target
+    simulation = results.scene.simulation
     if simulation is None:
         return False
     busy = [push.stop for push in simulation.push if push.start < simulation.t_end]
-    busy += [] if target is None else [target.start + target.duration]
+    busy += [] if results.path is None else [results.path.start + results.path.duration]
     return simulation.t_end >= max(busy, default=0.0) + _SETTLING
 
 

@@ -18,10 +18,10 @@ from tensctl.scene.stages import (
     ScheduleRequest,
     SensorsStage,
     SimulationStage,
-    TargetStage,
     WaveRequest,
 )
 from tensctl.scene.tables import Ratio
+from tensctl.scene.target import TargetStage, WantedShape, Waypoint
 
 __all__ = [
     "AccuracyStage",
@@ -49,6 +49,8 @@ __all__ = [
     "SimulationStage",
     "TargetStage",
     "Tendons",
+    "WantedShape",
     "WaveRequest",
+    "Waypoint",
     "load_scene",
 ]

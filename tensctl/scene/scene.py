@@ -22,8 +22,8 @@ from tensctl.scene.stages import (
     ReportStage,
     SensorsStage,
     SimulationStage,
-    TargetStage,
 )
+from tensctl.scene.target import TargetStage
 from tensctl.scene.toml import document
 from tensctl.scene.values import Text
 

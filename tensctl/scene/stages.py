@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -112,27 +112,6 @@ class MpcStage(Section):
     solver: Literal["auto", "daqp", "osqp", "piqp", "clarabel"] = "auto"
     delay: Annotated[float, Number("s", least=0)] = 0.0
     modes: Literal["refuse", "truncate"] = "refuse"
-
-
-class TargetStage(Section):
-    """`[target]`: where the shape should go, and when; what is not named goes where the least change takes it."""
-
-    not_yet: ClassVar[tuple[str, ...]] = ("tilt",)
-
-    height_scale: Annotated[float | None, Number("of the height at rest", above=0)] = None
-    twist: Annotated[float | None, Number("rad, of the top ring about z")] = None
-    tip: Annotated[tuple[float, ...] | None, Numbers("m, of the top ring's centre along x and y")] = None
-    nodes: Annotated[Mapping[str, tuple[float, float, float]] | None, Table(Vector("m"))] = None
-    start: Annotated[float, Number("s", least=0)] = 0.0
-    duration: Annotated[float, Number("s", above=0)] = 3.0
-
-    @model_validator(mode="after")
-    def _names_a_shape(self) -> Self:
-        if self.tip is not None and len(self.tip) != 2:
-            raise complaint(f"is {shown(self.tip)}; expected two numbers, along x and y (m)", "tip")
-        if self.height_scale is None and self.twist is None and self.tip is None and not self.nodes:
-            raise complaint("names no shape; expected height_scale, twist, tip or nodes")
-        return self
 
 
 class PushRequest(Section):

@@ -8,11 +8,13 @@ from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.mpc import MPC, StepRecord
 from tensctl.synthesis.mpc_output import OutputMPC
 from tensctl.synthesis.mpc_weights import Weights
-from tensctl.synthesis.path import ShapePath, plan_shape
+from tensctl.synthesis.path import ShapePath
+from tensctl.synthesis.plan import plan_shape
 from tensctl.synthesis.riccati import Riccati, care, dare
 from tensctl.synthesis.sensors import Reading, Sensors, sensors
 from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.target import Feature, Linear, Twist, shell_height, shell_rings
+from tensctl.synthesis.tilt import Tilt
 from tensctl.synthesis.truncate import ReducedModel, truncate
 from tensctl.synthesis.weights import Cost, weights
 
@@ -34,6 +36,7 @@ __all__ = [
     "Sensors",
     "ShapePath",
     "StepRecord",
+    "Tilt",
     "Twist",
     "Weights",
     "care",

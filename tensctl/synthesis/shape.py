@@ -27,6 +27,8 @@ _STEPS = 200
 # Features, in metres, are met to this part of the structure's size; the least change of u to this part of its largest.
 _MET = 1e-12
 _CHANGE = 1e-6
+# A change below this part of the size is none: back at rest the largest change of u is zero.
+_NO_CHANGE = 1e-3
 # Misfits smaller than this part of the size may grow a little from step to step.
 _NEAR = 1e-6
 
@@ -68,7 +70,7 @@ class ShapeProblem:
                 sigma = 2 * sigma + 0.5
             now, before = following, step
             met = np.abs(self._error(now, wanted)).max() <= _MET * _size(now)
-            if met and np.abs(step).max() <= _CHANGE * max(np.abs(now.inputs).max(), 1e-300):
+            if met and np.abs(step).max() <= _CHANGE * max(np.abs(now.inputs).max(), _NO_CHANGE * _size(now)):
                 return now
         raise SynthesisError(
             f"no rest lengths were found for {self._said(wanted)} with {self._allowed(now)}; "

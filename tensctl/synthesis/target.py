@@ -4,6 +4,7 @@ height   mean z of the top ring's P4 less mean z of the base ring's P1
 tip      mean x, mean y of the top ring less those of the base ring
 twist    atan2(sum a x b, sum a . b) of the top ring less that of the base ring, a at rest and b now, seen along z,
          a from the ring's centre: the turn that brings the ring at rest nearest to the ring now
+tilt     how far the top ring's normal leans towards x and y (`synthesis.tilt`)
 nodes    single coordinates
 """
 
@@ -18,8 +19,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from tensctl.errors import SynthesisError
-from tensctl.scene import TargetStage
+from tensctl.scene import TargetStage, WantedShape
 from tensctl.structure import Structure
+from tensctl.synthesis.tilt import Tilt, area_vector
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene
@@ -127,7 +129,7 @@ def shell_height(structure: Structure) -> Linear:
     return _between_rings(structure, 2, "height_scale", "height, m")
 
 
-def features_of(wanted: TargetStage, structure: Structure, nodes: np.ndarray) -> list[tuple[Feature, float]]:
+def features_of(wanted: WantedShape, structure: Structure, nodes: np.ndarray) -> list[tuple[Feature, float]]:
     """Every feature that a target names, and its value in the end, for a path that begins at the given nodes.
 
     Raises
@@ -143,12 +145,13 @@ def features_of(wanted: TargetStage, structure: Structure, nodes: np.ndarray) ->
         base, top = _rings(structure, "twist")
         twist = Twist(_from_centre(nodes, base), _from_centre(nodes, top))
         found.append((twist, wanted.twist))
-    if (wanted.tip is not None or wanted.nodes is not None) and not structure.held.any():
-        key = "nodes" if wanted.tip is None else "tip"
-        raise SynthesisError(f"target.{key} needs pins: this structure is free, so its place is not its shape.")
+    for key in ("tip", "tilt", "nodes"):
+        if getattr(wanted, key) is not None and not structure.held.any():
+            raise SynthesisError(f"target.{key} needs pins: this structure is free, so its place is not its shape.")
     for axis, by in enumerate(wanted.tip or ()):
         sideways = _between_rings(structure, axis, "tip", f"tip {'xy'[axis]}, m")
         found.append((sideways, sideways.of(nodes) + by))
+    found += [(_tilt(structure, nodes, axis), angle) for axis, angle in enumerate(wanted.tilt or ())]
     for label, place in (wanted.nodes or {}).items():
         found += [(_coordinate(structure, label, axis), value) for axis, value in enumerate(place)]
     return found
@@ -177,6 +180,14 @@ def _rings(structure: Structure, key: str) -> tuple[np.ndarray, np.ndarray]:
             f"target.{key} needs a shell with base nodes P1_i_1 and top nodes P4_i_m; this structure has none."
         )
     return rings
+
+
+def _tilt(structure: Structure, nodes: np.ndarray, axis: int) -> Tilt:
+    _, top = _rings(structure, "tilt")
+    ring = np.flatnonzero(top)
+    if area_vector(nodes[ring])[2] < 0:
+        ring = ring[::-1]
+    return Tilt(ring, axis, float(np.linalg.norm(_from_centre(nodes, top), axis=1).max()))
 
 
 def _from_centre(nodes: np.ndarray, ring: np.ndarray) -> np.ndarray:
