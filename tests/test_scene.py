@@ -174,8 +174,14 @@ SENTENCES = [
     ),
     ({"mpc": {"horizon": 0}}, "mpc.horizon is 0; expected a whole number >= 1 (control periods)."),
     ({"mpc": {"solver": "qp"}}, 'mpc.solver is "qp"; expected "auto", "daqp", "osqp", "piqp" or "clarabel".'),
-    ({"target": {}}, "target names no shape; expected height_scale, twist, tip or nodes."),
-    ({"target": {"tilt": 1}}, "target.tilt is planned, but not supported yet."),
+    (
+        {"target": {}},
+        "target names no shape; expected height_scale, twist, tip, tilt or nodes, or [[target.waypoint]].",
+    ),
+    (
+        {"target": {"tilt": 1}},
+        "target.tilt is 1; expected a list of finite numbers (rad, of the top ring's normal towards x and y).",
+    ),
     ({"sweep": {}}, "sweep is planned, but not supported yet."),
     ({"lgr": {}}, "lgr is no key of a scene; did you mean lqr?"),
     (
