@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from tensctl.pipeline import run
     from tensctl.scene import Scene, load_scene
     from tensctl.simulation import (
+        ActuatorDemand,
         Batch,
         History,
         Measurement,
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
         Schedule,
         Variations,
         Wave,
+        actuator_demand,
         inspect_run,
         propagator,
         resume,
@@ -124,6 +126,7 @@ _HOME = {
     "tensctl.pipeline": ("run",),
     "tensctl.scene": ("Scene", "load_scene"),
     "tensctl.simulation": (
+        "ActuatorDemand",
         "Batch",
         "History",
         "Measurement",
@@ -134,6 +137,7 @@ _HOME = {
         "Schedule",
         "Variations",
         "Wave",
+        "actuator_demand",
         "inspect_run",
         "propagator",
         "resume",
@@ -178,6 +182,7 @@ __all__ = [
     "LQG",
     "LQR",
     "MPC",
+    "ActuatorDemand",
     "Batch",
     "CSource",
     "Dynamics",
@@ -217,6 +222,7 @@ __all__ = [
     "Wave",
     "Weights",
     "__version__",
+    "actuator_demand",
     "admissible_prestress",
     "build_dynamics",
     "build_structure",

@@ -42,7 +42,7 @@ def test_writes_three_files(short):
 class TestSummary:
     def test_has_every_stage(self, summary):
         stages = ("structure", "equilibrium", "linear", "controllability", "lqr", "target", "mpc", "simulation")
-        assert summary.keys() == {"title", "version", "seconds", *stages, "sanity"}
+        assert summary.keys() == {"title", "version", "seconds", *stages, "sanity", "actuators"}
         assert summary["version"] == tc.__version__
 
     def test_structure(self, summary):
@@ -75,6 +75,19 @@ class TestSummary:
         target = summary["target"]
         assert target["height_wanted_m"] == pytest.approx(1.02 * target["height_before_m"], rel=1e-10)
         assert target["fastest_reference_m_per_s"] < 0.5
+
+
+def test_actuators(short, summary):
+    """Of the run, whose push does work too; the report has a line for each."""
+    found, demand = summary["actuators"], short[0].demand
+    assert found["of"] == "run"
+    assert not found["only_actuators_work"]
+    assert len(found["actuators"]) == 21
+    assert found["peak_supply_W"] == demand.peak_supply[0] > 0
+    page = (short[1] / "report.html").read_text(encoding="utf-8")
+    table = page[page.index('<section id="actuators"') : page.index('<section id="sanity"')]
+    assert all(f">{label}<" in table for label in demand.labels)
+    assert "Of its limit" not in table
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +130,7 @@ class TestNetCDF:
             short[0].run.save(tmp_path / "no" / "such" / "run.nc")
 
 
-STAGES = ("linear", "study", "path", "lqr", "mpc", "run", "certificate")
+STAGES = ("linear", "study", "path", "lqr", "mpc", "run", "certificate", "demand")
 
 
 class TestOnlyWhatIsAsked:
@@ -132,11 +145,12 @@ class TestOnlyWhatIsAsked:
             ({"report": {}}, set(), {"summary.json", "report.html"}),
             (
                 {"lqr": {}, "simulation": {"t_end": 0.1, "controller": "lqr"}},
-                {"linear", "lqr", "run"},
+                {"linear", "lqr", "run", "demand"},
                 {"summary.json", "run.nc"},
             ),
+            ({"target": {"height_scale": 1.02}}, {"path", "demand"}, {"summary.json"}),
         ],
-        ids=["nothing", "linear", "controllability", "lqr", "simulation", "report", "lqr run"],
+        ids=["nothing", "linear", "controllability", "lqr", "simulation", "report", "lqr run", "path"],
     )
     def test_stages(self, tmp_path, sections, built, written):
         results = tc.run(shell_scene(**MAST, **sections), tmp_path / "out")
@@ -145,6 +159,7 @@ class TestOnlyWhatIsAsked:
         summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
         assert ("simulation" in summary) == ("run" in built)
         assert ("lqr" in summary) == ("lqr" in built)
+        assert ("actuators" in summary) == ("demand" in built)
 
     def test_outputs_are_those_asked_for(self, tmp_path):
         results = tc.run(shell_scene(**MAST, linearize={"outputs": ["lengths"]}), tmp_path / "out")

@@ -32,6 +32,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         path=results.path,
         run=results.run,
         sanity=results.sanity,
+        demand=results.demand,
         accuracy=results.accuracy,
         limits=_limits(results),
         shape_error=results.shape_error,
@@ -58,6 +59,9 @@ def checks(results: Results) -> tuple[Check, ...]:
         found.append(_below("path: unbalanced force of the worst planned equilibrium", worst, 1e-9))
     if results.run is not None:
         found.append(_below("run: drift of a rod's length over itself", results.run.rod_drift, 1e-12))
+    if results.demand is not None and results.demand.closed:
+        demand = results.demand
+        found.append(_below("actuators: work less change of energy, J", abs(demand.balance), demand.allowed()))
     if results.certificate is not None and results.run is not None:
         certificate = results.certificate
         solved = results.run.kkt[np.isfinite(results.run.kkt)]

@@ -1,4 +1,4 @@
-"""The stage that moves the structure: in one go, or stored while it goes on and taken up again after a break."""
+"""The stages that move the structure, in one go or taken up again after a break, and tell what actuators give."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from tensctl.pipeline.clock import Clock
 from tensctl.pipeline.results import Results
 
 if TYPE_CHECKING:
+    from tensctl.scene import Scene
     from tensctl.simulation import Run
 
 
@@ -47,3 +48,24 @@ def simulated(results: Results, clock: Clock) -> Results:
         else:
             run = whole()
     return replace(results, run=run)
+
+
+def is_driven(scene: Scene) -> bool:
+    """Whether a controller or a schedule moves rest lengths in the run."""
+    asked = scene.simulation
+    return asked is not None and (asked.controller != "none" or bool(asked.schedule))
+
+
+def demanded(results: Results, clock: Clock) -> Results:
+    """What actuators have to give in the run that they drive, or along the path where none is driven."""
+    from tensctl.simulation import actuator_demand
+    from tensctl.simulation.asked import loads_of
+
+    with clock.stage("actuators"):
+        if not is_driven(results.scene):
+            assert results.path is not None
+            return replace(results, demand=actuator_demand(results.path))
+        assert results.run is not None
+        assert results.scene.simulation is not None
+        pushes = loads_of(results.scene.simulation)
+        return replace(results, demand=actuator_demand(results.run, results.dynamics, pushes=pushes))

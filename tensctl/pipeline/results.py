@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tensctl.model import Dynamics
     from tensctl.pipeline.certificate import Certificate
     from tensctl.scene import Scene
-    from tensctl.simulation import Run, Sanity
+    from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
     from tensctl.synthesis import LQG, LQR, MPC, SampledLQR, ShapePath
@@ -43,6 +43,8 @@ class Results:
     run : Run
     sanity : Sanity
         Whether the run is physical.
+    demand : ActuatorDemand
+        What is asked of the actuators, by the run that they drive or by the path.
     certificate : Certificate
         Of the predictive controller on this run.
     accuracy : WorkPrecision
@@ -60,6 +62,7 @@ class Results:
     mpc: MPC | None = None
     run: Run | None = None
     sanity: Sanity | None = None
+    demand: ActuatorDemand | None = None
     certificate: Certificate | None = None
     accuracy: WorkPrecision | None = None
 

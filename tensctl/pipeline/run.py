@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tensctl.atomic import replaced_folder
 from tensctl.errors import EquilibriumError, SceneError, SimulationError
 from tensctl.pipeline.clock import Clock
-from tensctl.pipeline.motion import simulated
+from tensctl.pipeline.motion import demanded, is_driven, simulated
 from tensctl.pipeline.results import Results
 from tensctl.pipeline.unfinished import Unfinished
 from tensctl.progress import Progress
@@ -124,6 +124,7 @@ def _compute(scene: Scene, clock: Clock) -> Results:
         (scene.mpc is not None, _mpc),
         (scene.simulation is not None, simulated),
         (scene.simulation is not None, _inspect),
+        (scene.target is not None or is_driven(scene), demanded),
         (scene.mpc is not None and _controller(scene) == "mpc", _certify),
         (scene.accuracy is not None, _measure),
     ):

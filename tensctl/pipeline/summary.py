@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
     """Everything a script would want to know without opening the run."""
+    from tensctl.simulation.demand_table import record
+
     parts = {
         "title": results.scene.title,
         "version": __version__,
@@ -30,6 +32,7 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "target": _target(results),
         "mpc": _mpc(results),
         "simulation": _simulation(results),
+        "actuators": None if results.demand is None else record(results.demand),
         "sanity": None if results.sanity is None else _sanity(results.sanity),
         "accuracy": None if results.accuracy is None else results.accuracy.to_dict(),
         "seconds": {name: round(value, 4) for name, value in seconds.items()},

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tensctl.analysis import ModalReport, Study
     from tensctl.linear import LinearModel
     from tensctl.model import Term
-    from tensctl.simulation import Run, Sanity
+    from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
     from tensctl.synthesis import LQG, LQR, SampledLQR, ShapePath
@@ -115,7 +115,7 @@ class Case:
         What is built.
     scene_toml : str, optional
         The scene with every default visible.
-    equilibrium, linear, controllability, lqr, lqg, path, run, sanity, accuracy
+    equilibrium, linear, controllability, lqr, lqg, path, run, sanity, demand, accuracy
         Results of the other rooms, read by attribute only: nothing of those rooms is loaded.
     limits : Limits, optional
         Drawn into the plots of the run.
@@ -148,6 +148,7 @@ class Case:
     path: ShapePath | None = None
     run: Run | None = None
     sanity: Sanity | None = None
+    demand: ActuatorDemand | None = None
     accuracy: WorkPrecision | None = None
     limits: Limits | None = None
     shape_error: np.ndarray | None = None

@@ -116,6 +116,11 @@ def _ran(case: Case) -> list[Tile]:
         moved, turned = case.carried
         value = f"{number(moved, 3)} m, {number(float(np.degrees(turned)), 3)}°"
         facts.append(Tile("Moved, turned as a whole", value, "no tendon can take that back"))
+    if case.demand is not None:
+        power, at = case.demand.peak_supply
+        force, speed = case.demand.peak_force.value.max(), case.demand.peak_speed.value.max()
+        note = f"at {number(at, 3)} s; one at most {number(force, 3)} N, {number(speed, 3)} m/s"
+        facts.append(Tile("Power of all actuators", f"{number(power, 3)} W", note))
     if case.sanity is not None:
         found = len(case.sanity.warnings)
         note = "see Sanity" if found else "no contact, no collapse found"

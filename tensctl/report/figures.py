@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from tensctl.report import plot_accuracy, plot_modes, plot_poles, plot_sanity, plot_solver, plot_time
+from tensctl.report import plot_accuracy, plot_demand, plot_modes, plot_poles, plot_sanity, plot_solver, plot_time
 from tensctl.report.animation import Motion
 from tensctl.report.case import Case
 from tensctl.report.colourbar import colour_bar
@@ -35,6 +35,7 @@ class Figures:
     lqg_poles: Plot | None
     solve_times: Plot | None
     kkt: Plot | None
+    power: Plot | None
     clearances: Plot | None
     compressions: Plot | None
     slack: Plot | None
@@ -62,6 +63,7 @@ def draw_figures(case: Case, motion: Motion) -> Figures:
         lqg_poles=plot_poles.poles(case.lqg, case.linear, "LQG"),
         solve_times=plot_solver.solve_times(case.run, None if case.mpc_check is None else case.mpc_check.dt),
         kkt=plot_solver.kkt_residuals(case.run),
+        power=plot_demand.power(case),
         clearances=plot_sanity.clearances(case),
         compressions=plot_sanity.compressions(case),
         slack=plot_sanity.slack(case),

@@ -48,7 +48,7 @@ def write_report(case: Case, path: str | os.PathLike[str]) -> Path:
 def render(case: Case) -> str:
     """The report's HTML. The same case gives the same text."""
     # matplotlib and jinja2 are loaded here, since only a report needs them.
-    from tensctl.report import animation, control_rows, facts, figures, tables
+    from tensctl.report import animation, control_rows, demand_rows, facts, figures, tables
     from tensctl.report.floor import floor_story
     from tensctl.report.sections import sections_of
 
@@ -69,6 +69,7 @@ def render(case: Case) -> str:
             floor=floor_story(case),
             tables=tables,
             control=control_rows,
+            demand_rows=demand_rows,
             speeds=animation.speeds(motion.duration),
             style=_asset("page.css"),
             script=script,

@@ -29,6 +29,7 @@ SECTIONS = (
     Section("motion", "Motion", lambda case: True),
     Section("shape", "Shape", lambda case: case.equilibrium is not None),
     Section("history", "Over time", lambda case: case.run is not None and len(case.run.time) > 1),
+    Section("actuators", "Actuators", lambda case: case.demand is not None),
     Section("sanity", "Sanity", lambda case: case.sanity is not None),
     Section("accuracy", "Accuracy", lambda case: case.accuracy is not None),
     Section("modes", "Modes", lambda case: case.linear is not None and len(case.linear.modes) > 0),

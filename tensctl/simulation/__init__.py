@@ -3,6 +3,8 @@
 from tensctl.simulation.batch import Batch, Variations, simulate_many
 from tensctl.simulation.controller import Controller, Measurement
 from tensctl.simulation.course import control_steps
+from tensctl.simulation.demand import ActuatorDemand
+from tensctl.simulation.demand_of_motion import actuator_demand
 from tensctl.simulation.energy import momenta, total_energy
 from tensctl.simulation.loads import History, Load, Push, Wave
 from tensctl.simulation.propagate import Propagator, propagator
@@ -13,6 +15,7 @@ from tensctl.simulation.schedule import Schedule
 from tensctl.simulation.simulate import simulate
 
 __all__ = [
+    "ActuatorDemand",
     "Batch",
     "Controller",
     "History",
@@ -25,6 +28,7 @@ __all__ = [
     "Schedule",
     "Variations",
     "Wave",
+    "actuator_demand",
     "control_steps",
     "inspect_run",
     "momenta",

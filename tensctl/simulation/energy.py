@@ -15,9 +15,12 @@ from tensctl.simulation.run import Run
 
 def total_energy(dynamics: Dynamics, run: Run) -> Float[np.ndarray, " t"]:
     """Kinetic and potential energy at each recorded time, J."""
-    potential = dynamics.potential
-    stored = [potential.at(nodes, rest).energy for nodes, rest in zip(run.nodes, run.rest_lengths, strict=True)]
-    return np.array(stored) + np.array([_kinetic(dynamics, velocities) for velocities in run.velocities])
+    return np.array([energy_at(dynamics, run, k) for k in range(len(run.time))])
+
+
+def energy_at(dynamics: Dynamics, run: Run, k: int) -> float:
+    """Kinetic and potential energy at one recorded time, by its index, J."""
+    return dynamics.potential.at(run.nodes[k], run.rest_lengths[k]).energy + _kinetic(dynamics, run.velocities[k])
 
 
 def _kinetic(dynamics: Dynamics, velocities: np.ndarray) -> float:

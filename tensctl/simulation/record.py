@@ -77,10 +77,15 @@ def tensions_at(
     stiffness = members.stiffness if members.law == "k" else members.stiffness / rest
     tension = stiffness * (length - rest)
     if dynamics.damping.any():
-        ends = structure.segments
-        d, rate = (a[:, ends[:, 1]] - a[:, ends[:, 0]] for a in (nodes, velocities))
-        apart = np.linalg.norm(d, axis=2)
-        growing = np.einsum("tki,tki->tk", d, rate) / np.where(apart > 0, apart, 1.0)
-        tension = tension + dynamics.damping * structure.over_segments(np.add, growing)
+        tension = tension + dynamics.damping * lengthening(structure, nodes, velocities)
     least = 0.0 if dynamics.clamped else -np.inf
     return np.where(length > rest, np.maximum(tension, least), 0.0)
+
+
+def lengthening(structure: Structure, nodes: np.ndarray, velocities: np.ndarray) -> Float[np.ndarray, "t tendons"]:
+    """How fast tendons grow longer in recorded states, (t, nt) m/s."""
+    ends = structure.segments
+    d, rate = (a[:, ends[:, 1]] - a[:, ends[:, 0]] for a in (nodes, velocities))
+    apart = np.linalg.norm(d, axis=2)
+    growing = np.einsum("tki,tki->tk", d, rate) / np.where(apart > 0, apart, 1.0)
+    return structure.over_segments(np.add, growing)

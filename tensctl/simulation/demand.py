@@ -1,0 +1,157 @@
+"""What a motion asks of its actuators: force, speed, power and work of each motor, and the peaks to choose it by.
+
+    F = sum_t g_t T_t,   speed = dv/dt,   P = F dv/dt,   W = integral of P dt;   v > 0 takes in, so P > 0 drives
+
+Where nothing else does work, that of all motors is the change of energy:  sum W = E(end) - E(start).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SimulationError
+from tensctl.simulation.demand_table import table
+
+
+class Peak(NamedTuple):
+    """Largest value of each motor, (nu,), and when it first occurs, (nu,) s."""
+
+    value: Float[np.ndarray, " nu"]
+    time: Float[np.ndarray, " nu"]
+
+
+class Work(NamedTuple):
+    """Work of each motor, (nu,) J: what it gives, what it takes back as generator or brake (<= 0), and their sum."""
+
+    positive: Float[np.ndarray, " nu"]
+    regenerated: Float[np.ndarray, " nu"]
+    net: Float[np.ndarray, " nu"]
+
+
+@dataclass(frozen=True, eq=False)
+class ActuatorDemand:
+    """Force, speed, power and work of each actuator over a motion.
+
+    Attributes
+    ----------
+    labels : tuple of str, one an input
+        Tendons, or gangs.
+    time : (t,) s
+    force : (t, nu) N
+        Tension; of a gang the sum over its tendons times their ratios.
+    speed : (t, nu) m/s
+        Of the input, > 0 takes in: the mean over the interval that ends at each time, 0 at the first. Exact where the
+        input goes straight from time to time, as under a controller recorded at its samples.
+    power, power_after : (t, nu) W
+        Just before and just after each time, between which speeds jump; > 0 where the motor drives the structure.
+    work : Work
+    work_error : (nu,) J
+        How much the net work changes when every second time is left out; its error is smaller.
+    load : (nu,)
+        Largest tension over `actuators.force_max` among the tendons of each motor; 0 where there is no limit.
+    energy_change : float, J
+        Of the structure, from first to last time.
+    closed : bool
+        Whether nothing but actuators does work: no damper, no drag, no push.
+    quasi_static : bool
+        Whether it is a path's demand, without inertia.
+    """
+
+    labels: tuple[str, ...]
+    time: Float[np.ndarray, " t"]
+    force: Float[np.ndarray, "t nu"]
+    speed: Float[np.ndarray, "t nu"]
+    power: Float[np.ndarray, "t nu"]
+    power_after: Float[np.ndarray, "t nu"]
+    work: Work
+    work_error: Float[np.ndarray, " nu"]
+    load: Float[np.ndarray, " nu"]
+    energy_change: float
+    closed: bool
+    quasi_static: bool
+
+    @cached_property
+    def peak_force(self) -> Peak:
+        """Largest force without sign, N."""
+        return self._peak(np.abs(self.force))
+
+    @cached_property
+    def peak_speed(self) -> Peak:
+        """Largest speed without sign, m/s."""
+        return self._peak(np.abs(self.speed))
+
+    @cached_property
+    def peak_power(self) -> Peak:
+        """Largest power that drives the structure, W; 0 where a motor only brakes."""
+        return self._peak(np.maximum(np.maximum(self.power, self.power_after), 0.0))
+
+    @cached_property
+    def peak_braking(self) -> Peak:
+        """Largest power that the structure drives the motor with, W."""
+        return self._peak(np.maximum(-np.minimum(self.power, self.power_after), 0.0))
+
+    @cached_property
+    def peak_supply(self) -> tuple[float, float]:
+        """Largest power that all motors take together, W, none fed by another, and when, s."""
+        before, after = (np.maximum(side, 0.0).sum(axis=1) for side in (self.power, self.power_after))
+        taken = np.maximum(before, after)
+        return float(taken.max()), float(self.time[taken.argmax()])
+
+    @cached_property
+    def rms_force(self) -> Float[np.ndarray, " nu"]:
+        """Root mean square of the force over time, N: what heats a motor."""
+        if len(self.time) == 1:
+            return np.abs(self.force[0])
+        return np.sqrt(np.trapezoid(self.force**2, self.time, axis=0) / (self.time[-1] - self.time[0]))
+
+    @property
+    def holding_force(self) -> Float[np.ndarray, " nu"]:
+        """Force at the end, N: what the motor goes on holding."""
+        return self.force[-1]
+
+    @cached_property
+    def most_powerful(self) -> tuple[int, ...]:
+        """Actuators by their largest power, driving or braking; those that differ by rounding keep their order."""
+        largest = np.maximum(self.peak_power.value, self.peak_braking.value)
+        return tuple(sorted(range(len(largest)), key=lambda k: -float(f"{largest[k]:.6g}")))
+
+    @property
+    def balance(self) -> float:
+        """Net work less the change of energy, J: rounding and sampling where `closed`, else what others took."""
+        return float(self.work.net.sum()) - self.energy_change
+
+    def allowed(self, tol: float = 1e-6) -> float:
+        """Largest imbalance of energy that counts as none, J: a part of the work in both directions, and sampling."""
+        both_ways = float((self.work.positive - self.work.regenerated).sum())
+        return tol * both_ways + float(self.work_error.sum())
+
+    def verify(self, tol: float = 1e-6) -> None:
+        """Check the balance of energy, where nothing but actuators does work.
+
+        Parameters
+        ----------
+        tol : float
+            Over the work in both directions; the error of sampling is allowed for beside it.
+
+        Raises
+        ------
+        SimulationError
+            With the misfit.
+        """
+        if self.closed and not abs(self.balance) <= self.allowed(tol):
+            raise SimulationError(
+                f"the actuators' work differs from the change of energy by {self.balance:.3g} J, and at most "
+                f"{self.allowed(tol):.1g} J is expected; record more times, or run with a smaller tol."
+            )
+
+    def __str__(self) -> str:
+        """A table of all actuators, most powerful first."""
+        return table(self)
+
+    def _peak(self, values: np.ndarray) -> Peak:
+        return Peak(values.max(axis=0), self.time[values.argmax(axis=0)])

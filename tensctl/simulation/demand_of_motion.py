@@ -1,0 +1,89 @@
+"""The demand of a path or of a run.
+
+A path counts as infinitely slow: its tensions are those of equilibria, and only the times are its own. A run has what
+was recorded of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tensctl.errors import SimulationError
+from tensctl.model import Dynamics
+from tensctl.simulation.actuator_work import Pull, motor_forces, pull_of_run, pull_of_tensions
+from tensctl.simulation.demand import ActuatorDemand, Work
+from tensctl.simulation.energy import energy_at
+from tensctl.simulation.loads import Load
+from tensctl.simulation.run import Run
+from tensctl.structure import Members
+from tensctl.synthesis import ShapePath
+
+# Times at which a path is looked at: work is then good to 1e-7 of itself, and peaks to 1e-5.
+_TIMES = 1001
+
+
+def actuator_demand(
+    motion: ShapePath | Run, dynamics: Dynamics | None = None, *, pushes: Sequence[Load] = ()
+) -> ActuatorDemand:
+    """Force, speed, power and work of each actuator over a path or a run, with peaks.
+
+    Parameters
+    ----------
+    motion : ShapePath or Run
+    dynamics : Dynamics
+        Of a run, which holds neither masses nor motors; a path has its own.
+    pushes : sequence of Push, Wave or History
+        Those that the run was given: they do work too, so energies are not compared.
+
+    Raises
+    ------
+    SimulationError
+        A run without the dynamics that it belongs to, or a motion without actuators.
+    """
+    if isinstance(motion, ShapePath):
+        return _of_path(motion)
+    if dynamics is None or motion.input_labels != dynamics.input_labels:
+        raise SimulationError(
+            "a run holds neither masses nor motors; give actuator_demand(run, dynamics) those of its scene."
+        )
+    change = energy_at(dynamics, motion, -1) - energy_at(dynamics, motion, 0)
+    closed = not (dynamics.damped or pushes)
+    pull = pull_of_run(dynamics, motion)
+    return _demand(dynamics.members, pull, motion.tensions, change, closed=closed, quasi_static=False)
+
+
+def _of_path(path: ShapePath) -> ActuatorDemand:
+    time, members = path.start + path.duration * np.linspace(0, 1, _TIMES), path.target.potential.members
+    tensions = path.tensions_at(time)
+    pull = pull_of_tensions(members, time, path.inputs_at(time), tensions)
+    change = path.target.energy - path.equilibria[0].energy
+    return _demand(members, pull, tensions, change, closed=True, quasi_static=True)
+
+
+def _demand(
+    members: Members, pull: Pull, tensions: np.ndarray, energy_change: float, *, closed: bool, quasi_static: bool
+) -> ActuatorDemand:
+    labels, motor = members.gearing.labels, members.gearing.motor
+    if not labels:
+        raise SimulationError("no tendon has an actuator that moves anything, so nothing is asked of any.")
+    speed, works = pull.speed, pull.works()
+    after = np.zeros_like(speed)
+    after[:-1] = pull.force[:-1] * speed[1:]
+    load = np.zeros(len(labels))
+    np.maximum.at(load, motor, (tensions / members.force_max).max(axis=0)[members.inputs])
+    return ActuatorDemand(
+        labels=labels,
+        time=pull.time,
+        force=motor_forces(members, tensions),
+        speed=speed,
+        power=pull.force * speed,
+        power_after=after,
+        work=Work(np.maximum(works, 0).sum(axis=0), np.minimum(works, 0).sum(axis=0), works.sum(axis=0)),
+        work_error=pull.error,
+        load=load,
+        energy_change=energy_change,
+        closed=closed,
+        quasi_static=quasi_static,
+    )
