@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -40,9 +41,14 @@ class Layout:
         anchor = structure.nodes[np.concatenate([manifold.end_node, bare])]
         return cls(manifold.ends.rods, place, anchor)
 
+    @cached_property
+    def _of_nodes(self) -> bool:
+        """Whether kernel nodes are the structure's, in its order; as many in another order are not."""
+        return np.array_equal(self.place, np.arange(len(self.anchor)))
+
     def spread(self, forces: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "places 3"]:
         """Nodal forces where the kernel has them."""
-        if len(self.anchor) == len(forces):
+        if self._of_nodes:
             return forces
         spread = np.zeros_like(self.anchor)
         spread[self.place] = forces
