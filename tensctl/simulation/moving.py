@@ -18,7 +18,7 @@ from tensctl.simulation.run import Run
 from tensctl.statics import Equilibrium
 from tensctl.synthesis import StepRecord
 
-Start = Equilibrium | np.ndarray | tuple[np.ndarray, np.ndarray]
+Start = Equilibrium | np.ndarray | tuple[Equilibrium | np.ndarray, np.ndarray]
 
 
 class Moving:
@@ -145,7 +145,9 @@ def _records(controller: Controller | None) -> list[StepRecord]:
 
 def started(dynamics: Dynamics, start: Start) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes, velocities and rest lengths of a start; an equilibrium brings its rest lengths along."""
-    if isinstance(start, Equilibrium):
-        return start.nodes, np.zeros_like(start.nodes), start.rest_lengths.copy()
-    nodes, velocities = start if isinstance(start, tuple) else (start, np.zeros_like(np.asarray(start, float)))
-    return np.asarray(nodes, float), np.asarray(velocities, float), dynamics.members.rest_lengths.copy()
+    at, velocities = start if isinstance(start, tuple) else (start, None)
+    if isinstance(at, Equilibrium):
+        nodes, rest = at.nodes, at.rest_lengths
+    else:
+        nodes, rest = np.asarray(at, float), dynamics.members.rest_lengths
+    return nodes, np.zeros_like(nodes) if velocities is None else np.asarray(velocities, float), rest.copy()

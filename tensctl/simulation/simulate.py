@@ -56,7 +56,7 @@ def simulate(
     Parameters
     ----------
     dynamics : Dynamics
-    start : Equilibrium, (N, 3) nodes at rest, or (nodes, velocities)
+    start : Equilibrium or (N, 3) nodes at rest, or either with (N, 3) velocities
         An equilibrium brings its rest lengths along.
     controller : optional
         An object with `step(t, measurement) -> u` and `reset()`.
@@ -94,7 +94,7 @@ def simulate(
     _check(tol, rate_max, method, controller)
     request = Request(
         _times(t_end, timepts, controller, dt), pushes, schedule, method, tol, rate_max,
-        None if controller is None else _period(controller, dt), None if store is None else _whole(chunk),
+        None if controller is None else period_of(controller, dt), None if store is None else _whole(chunk),
         _delay(controller, dt),
     )  # fmt: skip
     nodes, velocities, rest = started(dynamics, start)
@@ -138,12 +138,13 @@ def _times(t_end, timepts, controller, dt) -> np.ndarray:
         return times
     if t_end is None or not (np.isfinite(t_end) and t_end > 0):
         raise SimulationError(f"t_end = {t_end}: give the end of the run in s, > 0, or timepts.")
-    step = t_end / 500 if controller is None else _period(controller, dt)
+    step = t_end / 500 if controller is None else period_of(controller, dt)
     count = int(np.floor(t_end / step * (1 + 1e-12)))
     return np.unique(np.append(step * np.arange(count + 1), t_end)) if controller else np.linspace(0, t_end, 501)
 
 
-def _period(controller: Controller, dt: float | None) -> float:
+def period_of(controller: Controller | None, dt: float | None) -> float:
+    """The control period, s: as given, or the controller's own, or the default."""
     period = getattr(controller, "dt", None) if dt is None else dt
     period = _PERIOD if period is None else period
     if not (np.isfinite(period) and period > 0):
@@ -153,6 +154,6 @@ def _period(controller: Controller, dt: float | None) -> float:
 
 def _delay(controller: Controller | None, dt: float | None) -> float:
     delay = 0.0 if controller is None else float(getattr(controller, "delay", 0.0))
-    if controller is not None and not 0 <= delay <= _period(controller, dt):
+    if controller is not None and not 0 <= delay <= period_of(controller, dt):
         raise SimulationError(f"the controller's delay is {delay} s; a time from 0 to its period is expected.")
     return delay
