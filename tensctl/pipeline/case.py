@@ -152,7 +152,18 @@ def _mpc_check(results: Results) -> MpcCheck | None:
         constraints=certificate.constraints,
         cvxpy_difference=certificate.cost_difference,
         violations=certificate.violations,
+        weighed=_weighed(results),
+        travel=certificate.travel,
     )
+
+
+def _weighed(results: Results) -> str:
+    """What the cost counts, in words."""
+    asked = results.scene.mpc
+    assert asked is not None
+    energy = "energy of motion" if asked.rest_lengths is not None else "energy of motion and of rest-length changes"
+    sizes = {"nodes": asked.nodes, "tensions": asked.tensions, "rest lengths by size": asked.rest_lengths}
+    return ", ".join([energy, *(name for name, size in sizes.items() if size is not None)])
 
 
 def _pushes(results: Results) -> tuple[ShownPush, ...]:

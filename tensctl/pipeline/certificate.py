@@ -8,6 +8,7 @@ import numpy as np
 
 from tensctl.simulation import Measurement, Run
 from tensctl.synthesis import MPC
+from tensctl.synthesis.limits import input_reach
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_solvers import SOLVERS
 
@@ -23,7 +24,7 @@ class Certificate:
     Attributes
     ----------
     violations : int
-        Recorded times at which a rest length was below its floor or changed faster than allowed.
+        Recorded times at which a rest length was below its floor, changed by more or faster than allowed.
     below_floor : int
         Recorded times at which a taut tendon of the plant was below the tension floor.
     checked_at : float or None, s
@@ -34,6 +35,8 @@ class Certificate:
         Largest difference of the first input.
     variables, constraints : int
         Size of the condensed problem.
+    travel : float or None
+        Largest change of a rest length over the u_max that it has; None without one.
     """
 
     violations: int
@@ -43,6 +46,7 @@ class Certificate:
     input_difference: float | None
     variables: int
     constraints: int
+    travel: float | None
 
 
 def certify(mpc: MPC, run: Run) -> Certificate:
@@ -51,17 +55,26 @@ def certify(mpc: MPC, run: Run) -> Certificate:
     low = run.rest_lengths < members.floors - _ROUNDING
     rates = np.abs(np.diff(run.rest_lengths, axis=0)) / np.diff(run.time)[:, None]
     fast = rates > mpc.rate_max * (1 + 1e-9) + _ROUNDING
+    lower, upper = mpc.input_range
+    far = (run.inputs < lower - _ROUNDING) | (run.inputs > upper + _ROUNDING)
     k, problem = _busiest(run), mpc.problem
     cost, inputs = (None, None) if k is None else _twice(mpc, run, k)
     return Certificate(
-        violations=int(low.any(axis=1).sum() + fast.any(axis=1).sum()),
+        violations=int(sum(broken.any(axis=1).sum() for broken in (low, fast, far))),
         below_floor=_below(mpc, run),
         checked_at=None if k is None else float(run.time[k]),
         cost_difference=cost,
         input_difference=inputs,
         variables=problem.H.shape[0],
         constraints=2 * problem.H.shape[0] + problem.rows.shape[0],
+        travel=None if mpc.u_max is None else _travel(mpc, run),
     )
+
+
+def _travel(mpc: MPC, run: Run) -> float:
+    """Largest change of an input over the range that u_max leaves it."""
+    reach = input_reach(mpc.linear.dynamics.structure, mpc.linear.dynamics.members, mpc.u_max)
+    return float((np.abs(run.inputs) / reach).max(initial=0.0))
 
 
 def _below(mpc: MPC, run: Run) -> int:

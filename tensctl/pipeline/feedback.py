@@ -1,4 +1,4 @@
-"""LQR and LQG as a scene asks for them."""
+"""LQR, LQG and the weights of predictive control as a scene asks for them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import numpy as np
 
 from tensctl.analysis.scaling import input_stiffness
 from tensctl.linear import LinearModel
-from tensctl.scene import LqgStage, LqrStage, SensorsStage
-from tensctl.synthesis import LQG, LQR, Cost, SampledLQR, lqg, lqr, sensors, weights
+from tensctl.linear.outputs import Output
+from tensctl.scene import LqgStage, LqrStage, MpcStage, SensorsStage
+from tensctl.structure import Structure
+from tensctl.structure.labels import by_label
+from tensctl.synthesis import LQG, LQR, Cost, SampledLQR, Weights, lqg, lqr, sensors, weights
 
 
 def cost_of(asked: LqrStage | LqgStage, linear: LinearModel) -> Cost:
@@ -43,3 +46,17 @@ def design_lqg(asked: LqgStage, seen: SensorsStage, linear: LinearModel) -> LQG:
         linear, eyes, cost=cost_of(asked, linear), force_noise=asked.force_noise, dt=asked.dt, order=asked.order,
         stabilisable_only=asked.stabilisable_only,
     )  # fmt: skip
+
+
+def mpc_weights(asked: MpcStage, structure: Structure) -> Weights:
+    """Energies by their weights, and every node and tendon that has a size by itself."""
+    outputs: dict[Output, float] = {}
+    for kind, labels, sizes, there in (
+        ("nodes", structure.node_labels, asked.nodes, structure.free.any(axis=1)),
+        ("tensions", structure.tendon_labels, asked.tensions, ~structure.grounded_tendons),
+    ):
+        if sizes is not None:
+            size = by_label(labels, sizes, f"mpc.{kind}", np.inf)
+            named = np.flatnonzero(np.isfinite(size) & there)
+            outputs |= {f"{kind}:{labels[k]}": float(size[k]) for k in named}
+    return Weights(asked.energy_weight, asked.input_weight, outputs, asked.rest_lengths)

@@ -221,7 +221,8 @@ def _lqg(results: Results, clock: Clock) -> Results:
 
 
 def _mpc(results: Results, clock: Clock) -> Results:
-    from tensctl.synthesis import MPC, Weights
+    from tensctl.pipeline.feedback import mpc_weights
+    from tensctl.synthesis import MPC
 
     asked = results.scene.mpc
     assert asked is not None
@@ -232,7 +233,8 @@ def _mpc(results: Results, clock: Clock) -> Results:
             dt=asked.dt,
             tension_min=asked.tension_min,
             rate_max=asked.rate_max,
-            weights=Weights(input=asked.input_weight),
+            u_max=asked.u_max,
+            weights=mpc_weights(asked, results.structure),
             solver=asked.solver,
             delay=asked.delay,
             modes=asked.modes,

@@ -142,6 +142,7 @@ def _mpc(results: Results) -> dict | None:
         "worst_kkt": float(run.kkt[np.isfinite(run.kkt)].max(initial=0.0)),
         "relaxed_steps": int((run.relaxed > 0).sum()),
         "largest_relaxation_N": float(run.relaxed.max()),
+        "largest_share_of_u_max": certificate.travel,
         "samples_below_tension_floor": certificate.below_floor,
         "hard_limit_violations": certificate.violations,
         "cvxpy_cost_difference": certificate.cost_difference,

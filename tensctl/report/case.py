@@ -81,7 +81,11 @@ class MpcCheck:
     cvxpy_difference : float, optional
         Relative difference of the optimum to that of the same programme stated in cvxpy.
     violations : int
-        Recorded times at which a hard limit (rest length, rate) was violated.
+        Recorded times at which a hard limit (rest length, its change, its rate) was violated.
+    weighed : str
+        What the cost counts.
+    travel : float, optional
+        Largest change of a rest length over the change that it is allowed.
     """
 
     solver: str
@@ -91,6 +95,8 @@ class MpcCheck:
     constraints: int
     cvxpy_difference: float | None
     violations: int
+    weighed: str = ""
+    travel: float | None = None
 
 
 @dataclass(frozen=True)

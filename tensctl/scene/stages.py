@@ -61,7 +61,7 @@ class ControllabilityStage(Section):
     move: tuple[MoveRequest, ...] = ()
 
 
-class FeedbackStage(Section):
+class CostStage(Section):
     """Weights of the modes' energy and of the inputs, and sizes that count 1 in the cost."""
 
     energy_weight: Annotated[float, Number(above=0)] = 1.0
@@ -69,6 +69,11 @@ class FeedbackStage(Section):
     nodes: Annotated[Size | None, per_member(Number("m", above=0))] = None
     tensions: Annotated[Size | None, per_member(Number("N", above=0))] = None
     rest_lengths: Annotated[Size | None, per_member(Number("m", above=0))] = None
+
+
+class FeedbackStage(CostStage):
+    """State or output feedback by a Riccati equation."""
+
     stabilisable_only: bool = Field(default=False, strict=True)
 
 
@@ -101,14 +106,14 @@ class LqgStage(FeedbackStage):
     order: Annotated[int | None, Number("states", least=1, whole=True)] = None
 
 
-class MpcStage(Section):
-    """`[mpc]`: predictive control with limits on tension, rest length and its rate."""
+class MpcStage(CostStage):
+    """`[mpc]`: predictive control with limits on tension, rest length, its change and its rate."""
 
     horizon: Annotated[int, Number("control periods", least=1, whole=True)] = 20
     dt: Annotated[float, Number("s", above=0)] = 0.02
     tension_min: Annotated[float, Number("N", least=0)] = 0.1
     rate_max: Annotated[float, Number("m/s", above=0)] = 0.5
-    input_weight: Annotated[float, Number(above=0)] = 1.0
+    u_max: Annotated[Size | None, per_member(Number("m", above=0))] = None
     solver: Literal["auto", "daqp", "osqp", "piqp", "clarabel"] = "auto"
     delay: Annotated[float, Number("s", least=0)] = 0.0
     modes: Literal["refuse", "truncate"] = "refuse"

@@ -25,16 +25,17 @@ from tensctl.linear import LinearModel, linearize
 from tensctl.linear.propagate import Stretch, stretch
 from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, condense
-from tensctl.synthesis.limits import Limits
+from tensctl.synthesis.limits import Limits, input_reach
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.qp import QP, Solution, Solver
 from tensctl.synthesis.qp_solvers import first_choice, new_solver, order_of
-from tensctl.synthesis.reference import Hold, Reference, outputs_along
+from tensctl.synthesis.reference import Hold, Reference, outputs_along, refuse_beyond
 from tensctl.synthesis.relaxed import relax
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
 from tensctl.synthesis.signal import Wanted, signal_for
+from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
 
 # An answer whose KKT residual is larger is refused.
@@ -108,6 +109,8 @@ class MPC:
         `actuators.force_max` bounds tensions of actuated tendons from above in the same way.
     rate_max : float, m/s
         Limit of every rest length's rate (hard).
+    u_max : number or table by tendon label, m, optional
+        Largest change of a rest length from L0, either way (hard).
     weights : Weights
     solver : "auto", "daqp", "osqp", "piqp" or "clarabel"
         Which solver is asked first; `why` says what "auto" chose, and why.
@@ -141,6 +144,7 @@ class MPC:
         dt: float = 0.02,
         tension_min: float = 0.1,
         rate_max: float = 0.5,
+        u_max: Size | None = None,
         weights: Weights | None = None,
         solver: Literal["auto", "daqp", "osqp", "piqp", "clarabel"] = "auto",
         delay: float = 0.0,
@@ -149,7 +153,9 @@ class MPC:
         signal: Wanted | None = None,
         preview: bool = True,
     ) -> None:
-        asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, solver=solver, delay=delay, modes=modes)
+        asked = MpcStage.checked(
+            horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, solver=solver, delay=delay, modes=modes
+        )
         if not np.isfinite(tension_min):
             raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
         if delay > asked.dt:
@@ -163,6 +169,7 @@ class MPC:
         self.solver, self.why = chosen if solver == "auto" else (solver, "asked for")
         self.reference: Reference = Hold(linear.equilibrium) if path is None else path
         self.signal, self.preview = signal_for(self.weights, self.linear, signal), preview
+        self.u_max = asked.u_max
         self._pieces: dict[int, _Piece] = {}
         self._plan: np.ndarray | None = None
         self._command: np.ndarray | None = None
@@ -170,6 +177,7 @@ class MPC:
         if not self.linear.inputs:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
         _check_size(self.linear, horizon)
+        refuse_beyond(self.reference, self.linear.inputs, self.input_range)
         for knot in range(len(self.reference.equilibria)):
             self._piece(knot)
 
@@ -244,7 +252,7 @@ class MPC:
     def limits(self, t: float, measurement: Measured) -> Limits:
         """Start and bounds of the problem at time t."""
         piece = self._piece(self.reference.knot_at(t))
-        linear, members = piece.linear, self.linear.dynamics.members
+        linear = piece.linear
         acts, rest = t + self.delay, linear.equilibrium.inputs
         here = linear.state_of(self.reference.nodes_at(acts), self.reference.velocities_at(acts))
         state = linear.state_of(measurement.nodes, measurement.velocities)
@@ -253,7 +261,7 @@ class MPC:
         before = np.vstack([self.reference.inputs_at(acts), ahead[:-1]])
         tensions = self.reference.tensions_at(self._times(t))
         reach = self._reach
-        lower, upper = members.input_bounds
+        lower, upper = self.input_range
         return Limits(
             start=np.concatenate([state - here, inputs + rest - before[0]]),
             tension_margin=piece.problem.margin(tensions, self.tension_min),
@@ -285,6 +293,16 @@ class MPC:
     def _reach(self) -> Float[np.ndarray, " nu"]:
         """How far each input may go in a period, m: its fastest tendon keeps the rate limit."""
         return self.rate_max * self.dt / self.linear.dynamics.members.gearing.largest
+
+    @cached_property
+    def input_range(self) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
+        """Least and largest total inputs, m: rest lengths keep their floors and change by at most u_max."""
+        dynamics = self.linear.dynamics
+        (lower, upper), reach = (
+            dynamics.members.input_bounds,
+            input_reach(dynamics.structure, dynamics.members, self.u_max),
+        )
+        return np.maximum(lower, -reach), np.minimum(upper, reach)
 
     def _times(self, t: float) -> np.ndarray:
         return t + self.delay + self.dt * np.arange(1, self.horizon + 1)
@@ -339,7 +357,7 @@ class MPC:
         nu = limits.input_upper.shape[1]
         if self._plan is None:
             return np.broadcast_to(limits.start[-nu:], limits.input_upper.shape).copy()
-        reference = self.linear.dynamics.members.input_bounds[1] - limits.input_upper
+        reference = self.input_range[1] - limits.input_upper
         return self._continued(self._plan) - reference
 
     @staticmethod
@@ -350,7 +368,7 @@ class MPC:
     def _clipped(self, command: np.ndarray, now: np.ndarray) -> np.ndarray:
         """The command within rate and rest-length limits, to the last bit."""
         command = np.clip(command, now - self._reach, now + self._reach)
-        return np.clip(command, *self.linear.dynamics.members.input_bounds)
+        return np.clip(command, *self.input_range)
 
 
 def _check_size(linear: LinearModel, horizon: int) -> None:

@@ -28,6 +28,7 @@ from tensctl.synthesis.offset_filter import Estimate, OffsetFilter, offset_filte
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.sensors import Reading, Sensors
 from tensctl.synthesis.steady_target import SteadyTarget, Target
+from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
 
 
@@ -58,7 +59,7 @@ class OutputMPC(MPC):
         noisier.
     path : Reference, optional
         What to follow; the linear model's equilibrium by default.
-    horizon, dt, tension_min, rate_max, weights, solver, delay, modes
+    horizon, dt, tension_min, rate_max, u_max, weights, solver, delay, modes
         As `MPC` has them.
 
     Raises
@@ -79,6 +80,7 @@ class OutputMPC(MPC):
         dt: float = 0.02,
         tension_min: float = 0.1,
         rate_max: float = 0.5,
+        u_max: Size | None = None,
         weights: Weights | None = None,
         solver: Literal["auto", "daqp", "osqp"] = "auto",
         delay: float = 0.0,
@@ -86,8 +88,8 @@ class OutputMPC(MPC):
         path: Reference | None = None,
     ) -> None:
         super().__init__(
-            linear, horizon=horizon, dt=dt, tension_min=tension_min, rate_max=rate_max, weights=weights,
-            solver=solver, delay=delay, modes=modes,
+            linear, horizon=horizon, dt=dt, tension_min=tension_min, rate_max=rate_max, u_max=u_max,
+            weights=weights, solver=solver, delay=delay, modes=modes,
         )  # fmt: skip
         if not (np.isfinite(drift) and drift > 0):
             raise SynthesisError(f"drift is {drift}; a number > 0 is expected, deviations of a sensor in a second.")
@@ -184,7 +186,7 @@ class OutputMPC(MPC):
         at_rest = np.concatenate([target.state, target.inputs])
         margin = self._margin + problem.tension @ at_rest + self._tension_shown @ d
         ahead, start = self._ahead(t), np.concatenate([state, inputs]) - at_rest
-        lower, upper = self.linear.dynamics.members.input_bounds
+        lower, upper = self.input_range
         reach = np.broadcast_to(self._reach, ahead.shape)
         return Limits(
             start, np.broadcast_to(margin, (self.horizon, margin.size)), lower - ahead, upper - ahead, -reach, reach
@@ -213,7 +215,7 @@ class OutputMPC(MPC):
 
     def _rest_under(self, t: float, estimate: Estimate) -> Target:
         rest, when = self.linear.equilibrium, t + self.delay + self.dt
-        lower, upper = (bound - rest.inputs for bound in self.linear.dynamics.members.input_bounds)
+        lower, upper = (bound - rest.inputs for bound in self.input_range)
         target = self._programme.at(
             estimate.mean[len(self.linear.A) :],
             self._wanted_at(when),

@@ -8,8 +8,12 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
+from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
 from tensctl.statics import Equilibrium
+
+# A reference may be beyond the range of inputs by this, m: rounding of the planned equilibria.
+_BEYOND = 1e-9
 
 
 class Reference(Protocol):
@@ -83,3 +87,21 @@ def outputs_along(reference: Reference, linear: LinearModel, times: Float[np.nda
         raw = [nodes.ravel(), reference.velocities_at(t).ravel(), lengths, reference.tensions_at(t)]
         rows.append(linear.outputs_map.weights @ np.concatenate(raw))
     return np.tile(rows[0], (len(times), 1)) if held else np.stack(rows)
+
+
+def refuse_beyond(reference: Reference, labels: tuple[str, ...], allowed: tuple[np.ndarray, np.ndarray]) -> None:
+    """Refuse a reference that rests where no input may go.
+
+    Raises
+    ------
+    SynthesisError
+        With the first planned shape and the input that is farthest out of its range.
+    """
+    for k, equilibrium in enumerate(reference.equilibria):
+        beyond = np.maximum(allowed[0] - equilibrium.inputs, equilibrium.inputs - allowed[1])
+        worst = int(beyond.argmax())
+        if beyond[worst] > _BEYOND:
+            raise SynthesisError(
+                f"planned shape {k} needs {labels[worst]} = {equilibrium.inputs[worst]:.4g} m, and it may only be "
+                f"{allowed[0][worst]:.4g} to {allowed[1][worst]:.4g} m; raise u_max or choose a nearer target."
+            )

@@ -1,0 +1,115 @@
+"""What [mpc] of a scene asks for: largest changes of rest lengths, and weights by the size of outputs."""
+
+import json
+
+import numpy as np
+import pytest
+from support import shell_scene, solved
+from test_mpc import Overheard, Rough, keeps_hard_limits
+
+import tensctl as tc
+from tensctl.pipeline.feedback import mpc_weights
+from tensctl.synthesis.qp_cvxpy import reference_optimum
+from tensctl.synthesis.qp_daqp import DaqpSolver
+
+MAST = {"pins": ["P1_*_1"]}
+SIZES = {"energy_weight": 0.5, "nodes": {"P4_*": 0.002}, "tensions": 2.0, "rest_lengths": {"*": 0.1, "t5_*": 0.02}}
+
+
+class TestLargestChange:
+    def test_is_kept_by_each_command_whatever_is_wanted(self, mast):
+        dynamics, rest, linear = mast
+        table = {"*": 0.03, "t5_*": 0.01}
+        controller = tc.MPC(linear, horizon=5, rate_max=0.5, u_max=table, path=Rough(rest, 0))
+        heard = Overheard(controller)
+        run = tc.simulate(dynamics, rest, controller=heard, t_end=0.4)
+        keeps_hard_limits(controller, run, heard)
+        most = np.array([0.01 if label.startswith("u_t5_") else 0.03 for label in linear.inputs])
+        assert (np.abs(heard.commands) <= most).all()
+        assert (np.abs(heard.commands) == most).sum() >= 10, "the limit never acted, so nothing is proven"
+
+    def test_is_part_of_the_problem(self, mast, rng):
+        """The plan knows it: condensed and in cvxpy, with limits from below and above acting."""
+        _, rest, linear = mast
+        controller = tc.MPC(linear, horizon=6, tension_min=-1e6, u_max=0.004, path=Rough(rest, 1))
+        controller.reference.inputs_at = lambda t: np.broadcast_to(rest.inputs, (*np.shape(t), 21))
+        problem, limits, qp = controller.statement(0.0, shown(mast, rng))
+        found = DaqpSolver(qp).solve(qp)
+        cost, inputs = reference_optimum(problem, limits)
+        plan = found.z.reshape(6, -1)
+        assert qp.objective(found.z) + problem.constant(limits.start) == pytest.approx(cost, rel=1e-7)
+        assert np.abs(plan[0] - inputs[0]).max() < 1e-7
+        assert (plan.max(), plan.min()) == pytest.approx((0.004, -0.004), abs=1e-12)
+
+    def test_of_a_motor_each_tendon_keeps_its_own(self):
+        gangs = {"top": {"t6_*": 1.0, "t5_1_1": -2.0}}
+        _, _, linear = solved(shell_scene(**MAST, actuators={"gangs": gangs}))
+        controller = tc.MPC(linear, horizon=2, u_max={"*": 0.1, "t5_1_1": 0.05})
+        lower, upper = controller.input_range
+        place = linear.inputs.index("u_top")
+        assert (lower[place], upper[place]) == (-0.025, 0.025)
+
+    def test_a_path_that_needs_more_is_refused(self, mast):
+        path = tc.plan_shape(shell_scene(**MAST), {"height_scale": 1.05})
+        with pytest.raises(tc.SynthesisError, match=r"planned shape \d needs u_t\w+ = .* raise u_max"):
+            tc.MPC(mast[2], horizon=2, path=path, u_max=0.001)
+
+    @pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan])
+    def test_refused(self, mast, wrong):
+        with pytest.raises(tc.TensctlError, match="u_max is"):
+            tc.MPC(mast[2], horizon=2, u_max=wrong)
+
+
+def shown(case, rng):
+    """A random disturbance as the controller sees it."""
+    rest = case[1]
+    nodes = rest.potential.manifold.retract(rest.nodes, 0.02 * rng.standard_normal(21))
+    return tc.Measurement(nodes, 0 * nodes, rest.lengths, rest.tensions, rest.inputs)
+
+
+class TestScene:
+    def test_weights_are_those_of_lqr(self, mast):
+        """The same keys mean the same cost: x'Q x + 2 x'N u + u'R u of [lqr] is that of a stage."""
+        from tensctl.pipeline.feedback import cost_of
+        from tensctl.scene import LqrStage, MpcStage
+        from tensctl.synthesis.condensed import stage_weights
+
+        linear = mast[2].flexible
+        continuous = cost_of(LqrStage(**SIZES), linear)
+        Q, R = stage_weights(linear, 1.0, mpc_weights(MpcStage(**SIZES), mast[0].structure))
+        Q[42:, 42:] += R
+        assert np.abs(Q - continuous.matrix).max() < 1e-12 * np.abs(Q).max()
+
+    def test_from_a_scene_to_its_report(self, tmp_path):
+        push = {"node": "P4_1_1", "force": [8.0, 0.0, 0.0], "from": 0.05, "to": 0.15}
+        asked = {"horizon": 5, "u_max": {"*": 0.01}, "solver": "daqp"} | SIZES
+        simulation = {"t_end": 0.4, "controller": "mpc", "push": [push]}
+        scene = shell_scene(**MAST, mpc=asked, simulation=simulation, report={})
+        assert tc.load_scene(written(tmp_path, scene)) == scene
+        results = tc.run(scene, tmp_path / "out")
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["mpc"]
+        assert summary["hard_limit_violations"] == 0
+        assert summary["largest_share_of_u_max"] == pytest.approx(1.0, abs=1e-9)
+        assert np.abs(results.run.inputs).max() == pytest.approx(0.01, abs=1e-11)
+        report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+        assert "energy of motion, nodes, tensions, rest lengths by size" in report
+        assert "of what it may" in report
+
+    @pytest.mark.parametrize(
+        ("key", "value", "sentence"),
+        [
+            ("u_max", -0.1, "mpc.u_max is -0.1; expected .* > 0"),
+            ("nodes", 0, "mpc.nodes is 0"),
+            ("u_mx", 0.1, "did you mean u_max"),
+            ("stabilisable_only", True, "mpc.stabilisable_only is no key"),
+        ],
+    )
+    def test_refused(self, key, value, sentence):
+        with pytest.raises(tc.SceneError, match=sentence):
+            shell_scene(mpc={key: value})
+
+
+def written(folder, scene):
+    path = folder / "scene.toml"
+    path.write_text(scene.to_toml(), encoding="utf-8")
+    return path
