@@ -10,9 +10,9 @@ scene = tc.load_scene(Path(__file__).with_name("shell_3_1.toml"))
 rest, dynamics = tc.find_equilibrium(scene), tc.build_dynamics(scene)
 
 path = tc.plan_shape(scene, start=rest)
-planned = tc.actuator_demand(path)
-planned.verify()
-print(f"{path.description}\n{planned}\n")
+planned, slow = tc.actuator_demand(path), tc.actuator_demand(path, inertia=False)
+slow.verify()
+print(f"{path.description}\n{planned}\ninfinitely slow: work off the change of energy by {abs(slow.balance):.1e} J\n")
 
 controller = tc.MPC(tc.linearize(dynamics, path.target, outputs=()), tension_min=0.1, path=path)
 for samples in (1, 2, 4):  # recorded so many times in each control period

@@ -212,11 +212,24 @@ def path(request):
 
 class TestPath:
     def test_work_is_the_change_of_potential(self, path):
-        found = tc.actuator_demand(path)
+        """Along equilibria."""
+        found = tc.actuator_demand(path, inertia=False)
+        assert found.closed
         work = (found.work.positive - found.work.regenerated).sum()
         assert work > 5
         assert abs(found.balance) < 1e-6 * work
         found.verify()
+
+    def test_inertia_fades_with_the_square_of_time(self, path):
+        """So does what of it no actuator balances, which is the only difference in energy."""
+        durations = np.array([2.0, 4.0, 8.0])
+        paths = [replaced(path, legs=(replaced(path.legs[0], duration=T),)) for T in durations]
+        moved, slow = ([tc.actuator_demand(p, inertia=way) for p in paths] for way in (True, False))
+        added = [np.abs(a.force - b.force).max() for a, b in zip(moved, slow, strict=True)]
+        left = [abs(a.balance - b.balance) for a, b in zip(moved, slow, strict=True)]
+        assert not moved[0].closed
+        assert order_of(1 / durations, added) == pytest.approx(2, abs=0.01)
+        assert order_of(1 / durations, left) == pytest.approx(2, abs=0.1)
 
     def test_reach_and_pace(self, path):
         """From first to last planned inputs and tensions; as fast as the path says."""
@@ -231,12 +244,12 @@ class TestPath:
 
     def test_a_slow_run_agrees(self, path):
         """Steered along the path in ten times its time, peaks of force and work are those of the path."""
-        slow = replaced(path, duration=30.0, start=0.0)
+        slow = replaced(path, legs=(replaced(path.legs[0], duration=30.0, start=0.0),))
         dynamics = tc.build_dynamics(shell_scene(pins=["P1_*_1"], tendons=LAWS[path.target.potential.members.law]))
         times = np.linspace(0, 30, 121)
         plan = [tc.Schedule(t, times, slow.inputs_at(times)[:, k]) for k, t in enumerate(dynamics.input_labels)]
         run = tc.simulate(dynamics, path.equilibria[0], t_end=30.0, schedule=plan, timepts=np.linspace(0, 30, 601))
-        found, wanted = tc.actuator_demand(run, dynamics), tc.actuator_demand(slow)
+        found, wanted = tc.actuator_demand(run, dynamics), tc.actuator_demand(slow, inertia=False)
         assert np.abs(found.peak_force.value - wanted.peak_force.value).max() < 0.05
         assert np.abs(found.work.net - wanted.work.net).max() < 0.02
         assert "infinitely slow" in str(wanted)

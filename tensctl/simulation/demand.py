@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from tensctl.errors import SimulationError
 from tensctl.simulation.demand_table import table
+
+Kind = Literal["run", "path", "slow path"]
 
 
 class Peak(NamedTuple):
@@ -39,6 +41,8 @@ class ActuatorDemand:
 
     Attributes
     ----------
+    of : "run", "path" or "slow path"
+        The last counts as infinitely slow, without inertia.
     labels : tuple of str, one an input
         Tendons, or gangs.
     time : (t,) s
@@ -57,11 +61,10 @@ class ActuatorDemand:
     energy_change : float, J
         Of the structure, from first to last time.
     closed : bool
-        Whether nothing but actuators does work: no damper, no drag, no push.
-    quasi_static : bool
-        Whether it is a path's demand, without inertia.
+        Whether nothing but actuators does work: no damper, no drag, no push, no feedback that a path leaves to others.
     """
 
+    of: Kind
     labels: tuple[str, ...]
     time: Float[np.ndarray, " t"]
     force: Float[np.ndarray, "t nu"]
@@ -73,7 +76,6 @@ class ActuatorDemand:
     load: Float[np.ndarray, " nu"]
     energy_change: float
     closed: bool
-    quasi_static: bool
 
     @cached_property
     def peak_force(self) -> Peak:

@@ -1,7 +1,7 @@
 """The demand of a path or of a run.
 
-A path counts as infinitely slow: its tensions are those of equilibria, and only the times are its own. A run has what
-was recorded of it.
+A path has the rods' inertia as far as rest lengths can make its force, and feedback has to do the rest, so energies do
+not balance to the last digit; without inertia they do, at equilibria. A run has what was recorded of it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.simulation.actuator_work import Pull, motor_forces, pull_of_run, pull_of_tensions
-from tensctl.simulation.demand import ActuatorDemand, Work
+from tensctl.simulation.demand import ActuatorDemand, Kind, Work
 from tensctl.simulation.energy import energy_at
 from tensctl.simulation.loads import Load
 from tensctl.simulation.run import Run
@@ -25,7 +25,7 @@ _TIMES = 1001
 
 
 def actuator_demand(
-    motion: ShapePath | Run, dynamics: Dynamics | None = None, *, pushes: Sequence[Load] = ()
+    motion: ShapePath | Run, dynamics: Dynamics | None = None, *, pushes: Sequence[Load] = (), inertia: bool = True
 ) -> ActuatorDemand:
     """Force, speed, power and work of each actuator over a path or a run, with peaks.
 
@@ -36,6 +36,8 @@ def actuator_demand(
         Of a run, which holds neither masses nor motors; a path has its own.
     pushes : sequence of Push, Wave or History
         Those that the run was given: they do work too, so energies are not compared.
+    inertia : bool
+        Whether a path is as fast as planned, or counts as infinitely slow, with the forces of its equilibria.
 
     Raises
     ------
@@ -43,7 +45,7 @@ def actuator_demand(
         A run without the dynamics that it belongs to, or a motion without actuators.
     """
     if isinstance(motion, ShapePath):
-        return _of_path(motion)
+        return _of_path(motion, inertia)
     if dynamics is None or motion.input_labels != dynamics.input_labels:
         raise SimulationError(
             "a run holds neither masses nor motors; give actuator_demand(run, dynamics) those of its scene."
@@ -51,19 +53,20 @@ def actuator_demand(
     change = energy_at(dynamics, motion, -1) - energy_at(dynamics, motion, 0)
     closed = not (dynamics.damped or pushes)
     pull = pull_of_run(dynamics, motion)
-    return _demand(dynamics.members, pull, motion.tensions, change, closed=closed, quasi_static=False)
+    return _demand("run", dynamics.members, pull, motion.tensions, change, closed)
 
 
-def _of_path(path: ShapePath) -> ActuatorDemand:
+def _of_path(path: ShapePath, inertia: bool) -> ActuatorDemand:
     time, members = path.start + path.duration * np.linspace(0, 1, _TIMES), path.target.potential.members
-    tensions = path.tensions_at(time)
-    pull = pull_of_tensions(members, time, path.inputs_at(time), tensions)
+    tensions = path.tensions_at(time) if inertia else path.balanced_tensions_at(time)
+    inputs = path.inputs_at(time) if inertia else path.balanced_inputs_at(time)
+    pull = pull_of_tensions(members, time, inputs, tensions)
     change = path.target.energy - path.equilibria[0].energy
-    return _demand(members, pull, tensions, change, closed=True, quasi_static=True)
+    return _demand("path" if inertia else "slow path", members, pull, tensions, change, not inertia)
 
 
 def _demand(
-    members: Members, pull: Pull, tensions: np.ndarray, energy_change: float, *, closed: bool, quasi_static: bool
+    of: Kind, members: Members, pull: Pull, tensions: np.ndarray, energy_change: float, closed: bool
 ) -> ActuatorDemand:
     labels, motor = members.gearing.labels, members.gearing.motor
     if not labels:
@@ -74,6 +77,7 @@ def _demand(
     load = np.zeros(len(labels))
     np.maximum.at(load, motor, (tensions / members.force_max).max(axis=0)[members.inputs])
     return ActuatorDemand(
+        of=of,
         labels=labels,
         time=pull.time,
         force=motor_forces(members, tensions),
@@ -85,5 +89,4 @@ def _demand(
         load=load,
         energy_change=energy_change,
         closed=closed,
-        quasi_static=quasi_static,
     )

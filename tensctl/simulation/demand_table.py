@@ -48,7 +48,7 @@ def record(demand: ActuatorDemand) -> dict:
     rows = [dict(zip(names, row, strict=True)) for row in _rows(demand).tolist()]
     limits = {"largest_share_of_force_max": float(demand.load.max())} if demand.load.any() else {}
     return {
-        "of": "path" if demand.quasi_static else "run",
+        "of": demand.of,
         "peak_supply_W": supply,
         "peak_supply_at_s": when,
         "net_work_J": float(demand.work.net.sum()),
@@ -71,10 +71,12 @@ def _rows(demand: ActuatorDemand) -> np.ndarray:
 def _together(demand: ActuatorDemand) -> list[str]:
     supply, when = demand.peak_supply
     given, back, net = (float(part.sum()) for part in demand.work)
-    others = "" if demand.closed else "; the difference is what dampers, drag and pushes did"
-    slow = ["a path counts as infinitely slow: a run shows the forces of inertia too"] if demand.quasi_static else []
+    others = {
+        "run": "" if demand.closed else "; the difference is what dampers, drag and pushes did",
+        "path": "; the difference is inertia that no actuator balances",
+        "slow path": ", infinitely slow",
+    }
     return [
         f"together at most {supply:.4g} W at {when:.4g} s; {given:.4g} J given, {-back:.4g} J taken back",
-        f"net work {net:.4g} J, change of energy {demand.energy_change:.4g} J{others}",
-        *slow,
+        f"net work {net:.4g} J, change of energy {demand.energy_change:.4g} J{others[demand.of]}",
     ]

@@ -114,7 +114,11 @@ class ShapePath:
 
     def tensions_at(self, t: float | np.ndarray) -> np.ndarray:
         """Reference tensions, (nt,) or (..., nt) N, inertia included; negative where a motion is too fast."""
-        return self._tensions(self.place(t)) + self._moving(self._sample(t))[..., self.target.inputs.size :]
+        return self.balanced_tensions_at(t) + self._moving(self._sample(t))[..., self.target.inputs.size :]
+
+    def balanced_tensions_at(self, t: float | np.ndarray) -> np.ndarray:
+        """Tensions with which the reference would be at rest, (nt,) or (..., nt) N."""
+        return self._tensions(self.place(t))
 
     def nodes_at(self, t: float) -> Float[np.ndarray, "nodes 3"]:
         """Reference nodes, m, with exact rod lengths."""
