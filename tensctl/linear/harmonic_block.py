@@ -124,6 +124,11 @@ class Harmonic:
         return np.isin(self.point.sector.symmetry.tendons[0], self.dynamics.members.inputs)
 
     @property
+    def free(self) -> Bool[np.ndarray, " components"]:
+        """Which node components of the sector can move."""
+        return self.point.sector.potential.structure.free[self.point.sector.symmetry.nodes[0]].ravel()
+
+    @property
     def drive(self) -> Inexact[np.ndarray, "m p"]:
         """Modal force of each input, per metre of shortening."""
         acting = self.acting
@@ -146,11 +151,16 @@ class Harmonic:
         drive = self.drive
         return np.vstack([np.zeros_like(drive), drive, np.zeros((self.drift.shape[1], drive.shape[1]))])
 
+    @property
+    def E(self) -> Inexact[np.ndarray, "nx components"]:
+        """Disturbance matrix: forces on the sector's free node components, N, in axes that turn with the sectors."""
+        rates = (self.point.tangent @ np.hstack([self.shapes, self.drift]))[self.free].conj().T
+        return np.vstack([np.zeros((self.omega2.size, rates.shape[1])), rates])
+
     def C(self, kind: Shown) -> Inexact[np.ndarray, "y nx"]:
         """Output matrix of the sector's free node components, tendon lengths or tensions."""
         if kind == "nodes":
-            free = self.point.sector.potential.structure.free[self.point.sector.symmetry.nodes[0]].ravel()
-            position = (self.point.tangent @ self.shapes)[free]
+            position = (self.point.tangent @ self.shapes)[self.free]
             return self._at(position / self.scales, 0 * position)
         stretch = self.stretch
         if kind == "lengths":
@@ -167,7 +177,7 @@ class Harmonic:
         acting = self.acting
         if kind == "tensions":
             return np.diag(self._slopes[1])[:, acting] @ self.gear
-        rows = int(np.count_nonzero(self.point.sector.potential.structure.free[self.point.sector.symmetry.nodes[0]]))
+        rows = int(np.count_nonzero(self.free))
         return np.zeros((rows if kind == "nodes" else acting.size, self.gear.shape[1]))
 
     def misfit(self) -> float:

@@ -1,7 +1,10 @@
 """How a structure is steered: Riccati equations, LQR, shape paths and predictive control."""
 
 from tensctl.synthesis.condensed import Condensed, condense
+from tensctl.synthesis.harmonic_kalman import HarmonicKalman, harmonic_kalman
+from tensctl.synthesis.harmonic_lqg import HarmonicLQG, harmonic_lqg
 from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
+from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR
 from tensctl.synthesis.lqg import LQG, lqg
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
@@ -25,7 +28,10 @@ __all__ = [
     "Condensed",
     "Cost",
     "Feature",
+    "HarmonicKalman",
+    "HarmonicLQG",
     "HarmonicLQR",
+    "HarmonicSampledLQR",
     "LeftOut",
     "Linear",
     "OutputMPC",
@@ -42,6 +48,8 @@ __all__ = [
     "care",
     "condense",
     "dare",
+    "harmonic_kalman",
+    "harmonic_lqg",
     "harmonic_lqr",
     "lqg",
     "lqr",

@@ -3,8 +3,9 @@
     continuous  A'P + PA - (PB + N) R^-1 (B'P + N') + Q = 0
     discrete    A'PA - P - (A'PB + N)(R + B'PB)^-1 (B'PA + N') + Q = 0
 
-u = v - R^-1 N'x removes the cross term: A - B R^-1 N' and Q - N R^-1 N' take the places of A and Q. Accuracy ends where
-that difference loses its digits; the residual, of the equation as it stands above, shows it.
+Real, or complex with Hermitian weights; ' is the conjugate transpose. u = v - R^-1 N'x removes the cross term:
+A - B R^-1 N' and Q - N R^-1 N' take the places of A and Q. Accuracy ends where that difference loses its digits; the
+residual, of the equation as it stands above, shows it.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Inexact
 
 from tensctl.errors import SynthesisError
 from tensctl.synthesis.riccati import care, dare
@@ -26,8 +27,8 @@ TOLERATED = 1e-9
 class Optimum:
     """Stabilising solution P, its gain u = -K x, and what it leaves of its equation, over the sum of the terms."""
 
-    P: Float[np.ndarray, "n n"]
-    K: Float[np.ndarray, "m n"]
+    P: Inexact[np.ndarray, "n n"]
+    K: Inexact[np.ndarray, "m n"]
     residual: float
 
 
@@ -41,20 +42,20 @@ def optimal(
     SynthesisError
         When no stabilising solution is found, or none that keeps its residual.
     """
-    from_state = np.linalg.solve(cost.R, cost.N.T)
+    from_state = np.linalg.solve(cost.R, cost.N.conj().T)
     rest = cost.Q - cost.N @ from_state
     solve = dare if sampled else care
     try:
-        P = solve(A - B @ from_state, B, 0.5 * (rest + rest.T), cost.R).X
+        P = solve(A - B @ from_state, B, 0.5 * (rest + rest.conj().T), cost.R).X
     except SynthesisError:
         raise SynthesisError(
             "double precision finds no solution of the Riccati equation, though no mode is out of reach: some mode is "
             f"driven too weakly, or the weights of states and inputs are too far apart ({advice})."
         ) from None
     if sampled:
-        K = np.linalg.solve(cost.R + B.T @ P @ B, B.T @ P @ A + cost.N.T)
+        K = np.linalg.solve(cost.R + B.conj().T @ P @ B, B.conj().T @ P @ A + cost.N.conj().T)
     else:
-        K = np.linalg.solve(cost.R, B.T @ P + cost.N.T)
+        K = np.linalg.solve(cost.R, B.conj().T @ P + cost.N.conj().T)
     left = residual(A, B, cost, P, sampled=sampled)
     if not left <= TOLERATED:
         raise SynthesisError(
@@ -66,11 +67,19 @@ def optimal(
 
 def residual(A: np.ndarray, B: np.ndarray, cost: Cost, P: np.ndarray, *, sampled: bool) -> float:
     """Norm of the equation's left side over the sum of its terms' norms."""
+    left, terms = left_over(A, B, cost, P, sampled=sampled)
+    return left / sum(terms) if sum(terms) > 0 else 0.0
+
+
+def left_over(
+    A: np.ndarray, B: np.ndarray, cost: Cost, P: np.ndarray, *, sampled: bool
+) -> tuple[float, tuple[float, ...]]:  # fmt: skip
+    """Norm of the equation's left side, and those of its terms."""
     if sampled:
-        coupling = A.T @ P @ B + cost.N
-        terms = (A.T @ P @ A, -P, -coupling @ np.linalg.solve(cost.R + B.T @ P @ B, coupling.T), cost.Q)
+        coupling = A.conj().T @ P @ B + cost.N
+        weight = cost.R + B.conj().T @ P @ B
+        terms = (A.conj().T @ P @ A, -P, -coupling @ np.linalg.solve(weight, coupling.conj().T), cost.Q)
     else:
         coupling = P @ B + cost.N
-        terms = (A.T @ P, P @ A, -coupling @ np.linalg.solve(cost.R, coupling.T), cost.Q)
-    size = sum(np.linalg.norm(term) for term in terms)
-    return float(np.linalg.norm(np.sum(terms, axis=0)) / size) if size > 0 else 0.0
+        terms = (A.conj().T @ P, P @ A, -coupling @ np.linalg.solve(cost.R, coupling.conj().T), cost.Q)
+    return float(np.linalg.norm(np.sum(terms, axis=0))), tuple(float(np.linalg.norm(term)) for term in terms)

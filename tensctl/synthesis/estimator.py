@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Inexact
 
 from tensctl.linear import Sampled
 
@@ -28,10 +28,10 @@ class Plant:
         With ramped inputs, when there is a control period.
     """
 
-    A: Float[np.ndarray, "n n"]
-    B: Float[np.ndarray, "n nu"]
-    C: Float[np.ndarray, "ny n"]
-    D: Float[np.ndarray, "ny nu"]
+    A: Inexact[np.ndarray, "n n"]
+    B: Inexact[np.ndarray, "n nu"]
+    C: Inexact[np.ndarray, "ny n"]
+    D: Inexact[np.ndarray, "ny nu"]
     sampled: Sampled | None
 
 
@@ -48,12 +48,12 @@ class Estimator:
     direct : (nu, nu)
     """
 
-    Phi: Float[np.ndarray, "r r"]
-    seen: Float[np.ndarray, "r ny"]
-    now: Float[np.ndarray, "r nu"]
-    before: Float[np.ndarray, "r nu"]
-    C: Float[np.ndarray, "nu r"]
-    direct: Float[np.ndarray, "nu nu"]
+    Phi: Inexact[np.ndarray, "r r"]
+    seen: Inexact[np.ndarray, "r ny"]
+    now: Inexact[np.ndarray, "r nu"]
+    before: Inexact[np.ndarray, "r nu"]
+    C: Inexact[np.ndarray, "nu r"]
+    direct: Inexact[np.ndarray, "nu nu"]
 
     @property
     def order(self) -> int:
@@ -61,12 +61,12 @@ class Estimator:
         return len(self.Phi)
 
     @property
-    def drive(self) -> Float[np.ndarray, "r m"]:
+    def drive(self) -> Inexact[np.ndarray, "r m"]:
         """All that drives it: (G_y, G_0, G_u)."""
         return np.hstack([self.seen, self.before, self.now])
 
 
-def kalman_estimator(plant: Plant, gain: Float[np.ndarray, "n ny"], K: np.ndarray) -> Estimator:
+def kalman_estimator(plant: Plant, gain: Inexact[np.ndarray, "n ny"], K: np.ndarray) -> Estimator:
     """The estimator of a filter gain, with feedback u = -K z of its state (and of u_k when sampled)."""
     n, nu = plant.B.shape
     if plant.sampled is None:

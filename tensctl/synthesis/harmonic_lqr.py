@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import overload
 
 import numpy as np
 from jaxtyping import Complex, Float, Inexact
@@ -18,8 +19,11 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, LinearModel, sample_ramped
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.feedback import Measured, command
+from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR, sampled_design
+from tensctl.synthesis.harmonic_riccati import by_harmonic, poles_of, residual_of, stable, whole_residual
 from tensctl.synthesis.harmonic_weights import Blocks, input_weights, state_weights
-from tensctl.synthesis.riccati import Riccati, care, continuous_left
+from tensctl.synthesis.riccati import care
+from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
 # First sample time tried: this part of a radian of the fastest mode (as in `lqr`).
@@ -53,11 +57,8 @@ class HarmonicLQR:
     @cached_property
     def poles(self) -> Complex[np.ndarray, " nx"]:
         """Closed-loop poles of the whole structure, 1/s."""
-        found = []
-        for block, K in zip(self.linear.blocks, self.K, strict=True):
-            values = np.linalg.eigvals(block.A - block.B @ K).astype(complex)
-            found += [values, values.conj()][: block.copies]
-        return np.concatenate(found)
+        parts = zip(self.linear.blocks, self.K, strict=True)
+        return poles_of(self.linear, (block.A - block.B @ K for block, K in parts))
 
     @property
     def slowest(self) -> float:
@@ -114,18 +115,32 @@ class HarmonicLQR:
         SynthesisError
             With the number or the harmonic that fails.
         """
-        designs = list(zip(self.linear.blocks, self.Q, self.R, self.K, self.P, strict=True))
-        lefts, terms = zip(*(_left(block, Q, R, P) for block, Q, R, _, P in designs), strict=True)
-        residual = _whole_residual(self.linear, [float(np.linalg.norm(left)) for left in lefts], list(terms))
+        designs = list(zip(self.linear.blocks, self.Q, self.R, self.P, strict=True))
+        equations = ((b.A, b.B, Cost(Q, R, np.zeros(b.B.shape)), P) for b, Q, R, P in designs)
+        residual = residual_of(self.linear, equations, sampled=False)
         if not residual <= tol:
             raise SynthesisError(f"the Riccati residual is {residual:.1e}; at most {tol:.0e} is expected.")
-        for block, _, _, K, P in designs:
-            if not _stable(block, K, P):
+        for block, K, P in zip(self.linear.blocks, self.K, self.P, strict=True):
+            if not stable(block.A - block.B @ K, P):
                 raise SynthesisError(f"a closed-loop pole of harmonic {block.k} is not stable.")
 
 
+@overload
+def harmonic_lqr(
+    linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray | Blocks | None = None, *, dt: None = None,
+) -> HarmonicLQR: ...  # fmt: skip
+@overload
+def harmonic_lqr(
+    linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray | Blocks | None = None, *, dt: float | None,
+) -> HarmonicLQR | HarmonicSampledLQR: ...  # fmt: skip
 @one_blas_thread()
-def harmonic_lqr(linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray | Blocks | None = None) -> HarmonicLQR:
+def harmonic_lqr(
+    linear: HarmonicModel,
+    Q: Blocks | None = None,
+    R: np.ndarray | Blocks | None = None,
+    *,
+    dt: float | None = None,
+) -> HarmonicLQR | HarmonicSampledLQR:
     """Design state feedback harmonic by harmonic.
 
     Parameters
@@ -135,6 +150,9 @@ def harmonic_lqr(linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray |
         State weights, as `linear.weight_of` gives them; identity (twice the energy) by default.
     R : (p, p) array, or one a harmonic, optional
         Input weight of each sector, or blocks as `linear.circulant` gives them; diag(stiffness) by default.
+    dt : float, s, optional
+        Control period. With it the sampled loop is designed, whose rest lengths ramp within each period and reach the
+        command one period later; without it the continuous one.
 
     Raises
     ------
@@ -146,38 +164,11 @@ def harmonic_lqr(linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray |
             f"the model has {linear.nx} flexible states and {linear.nu} inputs; at least one of each is needed."
         )
     Qs, Rs = state_weights(linear, Q), input_weights(linear, R)
-    solved = [_solved(block, Qk, Rk) for block, Qk, Rk in zip(linear.blocks, Qs, Rs, strict=True)]
-    residual = _whole_residual(linear, [one.left for one in solved], [one.terms for one in solved])
+    if dt is not None:
+        return sampled_design(linear, Qs, Rs, dt)
+    solved = by_harmonic(linear, lambda block: care(block.A, block.B, Qs[block.k], Rs[block.k]))
+    residual = whole_residual(linear, [one.left for one in solved], [one.terms for one in solved])
     return HarmonicLQR(linear, Qs, Rs, tuple(one.K for one in solved), tuple(one.X for one in solved), residual)
-
-
-def _solved(block: Harmonic, Q: np.ndarray, R: np.ndarray) -> Riccati:
-    try:
-        return care(block.A, block.B, Q, R)
-    except SynthesisError as fault:
-        raise SynthesisError(f"harmonic {block.k}: {fault}") from fault
-
-
-def _whole_residual(linear: HarmonicModel, lefts: list[float], terms: list[tuple[float, ...]]) -> float:
-    copies = np.array([block.copies for block in linear.blocks])
-    return float(np.sqrt(copies @ np.square(lefts)) / np.sqrt(copies @ np.square(terms)).sum())
-
-
-def _left(block: Harmonic, Q: np.ndarray, R: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, tuple[float, ...]]:
-    B = block.B
-    return continuous_left(block.A, B @ np.linalg.solve(R, B.conj().T), Q, P)
-
-
-def _stable(block: Harmonic, K: np.ndarray, P: np.ndarray) -> bool:
-    """Whether A - BK is stable: P > 0 and (A - BK)*P + P(A - BK) < 0 prove it, the eigenvalues decide otherwise."""
-    loop = block.A - block.B @ K
-    decay = P @ loop
-    try:
-        np.linalg.cholesky(P)
-        np.linalg.cholesky(-(decay + decay.conj().T))
-    except np.linalg.LinAlgError:
-        return bool(np.linalg.eigvals(loop).real.max() < 0)
-    return True
 
 
 def _stable_sampled(block: Harmonic, K: np.ndarray, dt: float) -> bool:

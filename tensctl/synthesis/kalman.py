@@ -13,10 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
+from tensctl.structure import Structure
 from tensctl.structure.labels import by_label
 from tensctl.synthesis.crossed import optimal
 from tensctl.synthesis.shown import shown
@@ -39,10 +40,10 @@ class Kalman:
         What is left of the Riccati equation, over the sum of its terms.
     """
 
-    W: Float[np.ndarray, "n n"]
-    V: Float[np.ndarray, "ny ny"]
-    X: Float[np.ndarray, "n n"]
-    gain: Float[np.ndarray, "n ny"]
+    W: Inexact[np.ndarray, "n n"]
+    V: Inexact[np.ndarray, "ny ny"]
+    X: Inexact[np.ndarray, "n n"]
+    gain: Inexact[np.ndarray, "n ny"]
     residual: float
 
 
@@ -55,13 +56,13 @@ def kalman(A: np.ndarray, C: np.ndarray, W: np.ndarray, V: np.ndarray, *, sample
         When no stabilising solution is found.
     """
     dual = Cost(W, V, np.zeros(C.T.shape))
-    found = optimal(A.T, C.T, dual, sampled=sampled, advice=ADVICE)
-    gain = np.linalg.solve(V + C @ found.P @ C.T, C @ found.P).T if sampled else found.K.T
+    found = optimal(A.conj().T, C.conj().T, dual, sampled=sampled, advice=ADVICE)
+    gain = (np.linalg.solve(V + C @ found.P @ C.conj().T, C @ found.P) if sampled else found.K).conj().T
     return Kalman(W, V, found.P, gain, found.residual)
 
 
 def white_forces(linear: LinearModel, forces: float | Mapping[str, float]) -> Float[np.ndarray, "nx nx"]:
-    """Intensity of independent white forces on the free nodes in the states of a model.
+    """Intensity of independent white forces on the free nodes in the states of a model, E E' with E = C' of velocities.
 
     Parameters
     ----------
@@ -75,12 +76,14 @@ def white_forces(linear: LinearModel, forces: float | Mapping[str, float]) -> Fl
         A negative intensity.
     """
     structure = linear.dynamics.structure
+    root = force_roots(structure, forces)[np.flatnonzero(structure.free) // 3]
+    moved = root[:, None] * shown(linear, "velocities").C
+    return moved.T @ moved
+
+
+def force_roots(structure: Structure, forces: float | Mapping[str, float]) -> Float[np.ndarray, " nodes"]:
+    """Root of the intensity of white forces on each node, N s^1/2; refused as by `white_forces`."""
     root = by_label(structure.node_labels, forces, "force_noise", 0.0)
     if not (root >= 0).all():
         raise SynthesisError(f"force_noise is {root.min():g}; a number >= 0 is expected, in N s^1/2.")
-    C, half = shown(linear, "nodes").C, len(linear.modes)
-    unsorted = np.empty_like(C)
-    unsorted[:, linear.order] = C
-    moved = unsorted[:, :half] * linear.scales * root[np.flatnonzero(structure.free) // 3, None]
-    drive = np.vstack([np.zeros((half, len(moved))), moved.T])[linear.order]
-    return drive @ drive.T
+    return root

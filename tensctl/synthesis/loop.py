@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Inexact
 
 from tensctl.synthesis.estimator import Estimator, Plant
 from tensctl.synthesis.lyapunov import Lyapunov, lyapunov
@@ -41,12 +41,12 @@ class Loop:
     dt : float or None, s
     """
 
-    A: Float[np.ndarray, "n n"]
-    disturbed: Float[np.ndarray, "n nu"]
-    pushed: Float[np.ndarray, "n nz"]
-    misread: Float[np.ndarray, "n ny"]
-    asked: Float[np.ndarray, "nu n"]
-    shown: Float[np.ndarray, "m n"]
+    A: Inexact[np.ndarray, "n n"]
+    disturbed: Inexact[np.ndarray, "n nu"]
+    pushed: Inexact[np.ndarray, "n nz"]
+    misread: Inexact[np.ndarray, "n ny"]
+    asked: Inexact[np.ndarray, "nu n"]
+    shown: Inexact[np.ndarray, "m n"]
     dt: float | None
 
     @cached_property
@@ -67,13 +67,13 @@ class Loop:
 
     def noise(self, W: np.ndarray, V: np.ndarray) -> Lyapunov:
         """Covariance of the loop's state under process noise W and sensor noise V."""
-        drive = self.pushed @ W @ self.pushed.T + self.misread @ V @ self.misread.T
+        drive = self.pushed @ W @ self.pushed.conj().T + self.misread @ V @ self.misread.conj().T
         return lyapunov(self.A, drive, sampled=self.dt is not None)
 
     def cost(self, covariance: np.ndarray, cost: Cost) -> float:
         """Expected cost rate (of a period when sampled, with weights on (z, u_k) and u_(k+1))."""
         rows = self.shown if self.dt is None else np.vstack([self.shown, self.asked])
-        return float(np.trace(cost.matrix @ rows @ covariance @ rows.T))
+        return float(np.real(np.trace(cost.matrix @ rows @ covariance @ rows.conj().T)))
 
 
 def close(plant: Plant, estimator: Estimator) -> Loop:

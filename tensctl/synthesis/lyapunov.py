@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Float
+from jaxtyping import Inexact
 
 from tensctl.errors import SynthesisError
 
@@ -22,11 +22,11 @@ from tensctl.errors import SynthesisError
 class Lyapunov:
     """Solution of a Lyapunov equation, and what it leaves of it over the sum of the terms."""
 
-    X: Float[np.ndarray, "n n"]
+    X: Inexact[np.ndarray, "n n"]
     residual: float
 
 
-def lyapunov(A: Float[np.ndarray, "n n"], W: Float[np.ndarray, "n n"], *, sampled: bool = False) -> Lyapunov:
+def lyapunov(A: Inexact[np.ndarray, "n n"], W: Inexact[np.ndarray, "n n"], *, sampled: bool = False) -> Lyapunov:
     """Covariance of a stable loop.
 
     Raises
@@ -40,7 +40,7 @@ def lyapunov(A: Float[np.ndarray, "n n"], W: Float[np.ndarray, "n n"], *, sample
     solve = sla.solve_discrete_lyapunov if sampled else _continuous
     X = solve(A, W)
     X = X + solve(A, np.sum(_terms(A, X, W, sampled), axis=0))
-    X = 0.5 * (X + X.T)
+    X = 0.5 * (X + X.conj().T)
     terms = _terms(A, X, W, sampled)
     size = sum(np.linalg.norm(term) for term in terms)
     return Lyapunov(X, float(np.linalg.norm(np.sum(terms, axis=0)) / size) if size > 0 else 0.0)
@@ -57,4 +57,4 @@ def _continuous(A: np.ndarray, W: np.ndarray) -> np.ndarray:
 
 
 def _terms(A: np.ndarray, X: np.ndarray, W: np.ndarray, sampled: bool) -> tuple[np.ndarray, ...]:
-    return (A @ X @ A.T, -X, W) if sampled else (A @ X, X @ A.T, W)
+    return (A @ X @ A.conj().T, -X, W) if sampled else (A @ X, X @ A.conj().T, W)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Float
+from jaxtyping import Inexact
 
 from tensctl.synthesis.weights import Cost
 
@@ -19,24 +19,25 @@ _SHORT = 0.5
 
 
 def integral(
-    A: Float[np.ndarray, "n n"], W: Float[np.ndarray, "n n"], t: float
-) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "n n"]]:
+    A: Inexact[np.ndarray, "n n"], W: Inexact[np.ndarray, "n n"], t: float
+) -> tuple[Inexact[np.ndarray, "n n"], Inexact[np.ndarray, "n n"]]:
     """F(t) and S(t)."""
     n, halvings = len(A), max(0, int(np.ceil(np.log2(max(np.linalg.norm(A, 1) * t / _SHORT, 1e-300)))))
     h = t / 2**halvings
-    block = sla.expm(h * np.block([[-A.T, W], [np.zeros((n, n)), A]]))
+    block = sla.expm(h * np.block([[-A.conj().T, W], [np.zeros((n, n)), A]]))
     F = block[n:, n:]
-    S = F.T @ block[:n, n:]
+    S = F.conj().T @ block[:n, n:]
     for _ in range(halvings):
-        S, F = S + F.T @ S @ F, F @ F
-    return F, 0.5 * (S + S.T)
+        S, F = S + F.conj().T @ S @ F, F @ F
+    return F, 0.5 * (S + S.conj().T)
 
 
 def ramped_cost(A: np.ndarray, B: np.ndarray, cost: Cost, dt: float) -> Cost:
     """Cost of one period as weights on z = (x_k, u_k) and u_(k+1), exact for inputs that ramp."""
     nx, nu = B.shape
     n = nx + 2 * nu
-    rate, weight = np.zeros((n, n)), np.zeros((n, n))
+    rate = np.zeros((n, n), np.result_type(A, B, cost.Q, cost.R))
+    weight = np.zeros_like(rate)
     rate[:nx, :nx], rate[:nx, nx : nx + nu] = A, B
     rate[nx : nx + nu, nx + nu :] = np.eye(nu) / dt
     weight[: nx + nu, : nx + nu] = cost.matrix

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Inexact
 
 from tensctl.analysis.scaling import input_stiffness
 from tensctl.errors import SynthesisError
@@ -34,14 +34,14 @@ class Cost:
     N : (nx, nu)
     """
 
-    Q: Float[np.ndarray, "nx nx"]
-    R: Float[np.ndarray, "nu nu"]
-    N: Float[np.ndarray, "nx nu"]
+    Q: Inexact[np.ndarray, "nx nx"]
+    R: Inexact[np.ndarray, "nu nu"]
+    N: Inexact[np.ndarray, "nx nu"]
 
     @property
-    def matrix(self) -> Float[np.ndarray, "n n"]:
+    def matrix(self) -> Inexact[np.ndarray, "n n"]:
         """[Q N; N' R]."""
-        return np.block([[self.Q, self.N], [self.N.T, self.R]])
+        return np.block([[self.Q, self.N], [self.N.conj().T, self.R]])
 
 
 def weights(

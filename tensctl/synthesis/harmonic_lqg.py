@@ -1,0 +1,209 @@
+"""LQG of a cyclically symmetric structure, harmonic by harmonic: `harmonic_kalman` and `harmonic_lqr` in one loop.
+
+    xi_k <- Phi_k xi_k + G_y,k (y_k - D_k u_k) + ...,   u_k = -C_k xi_k
+
+with the estimator of `estimator` in each harmonic. Readings and rest lengths go through one Fourier transform each, the
+command through one back; nothing of full size is formed, and the loop is that of `lqg` on the whole structure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from tensctl.errors import SynthesisError
+from tensctl.linear import HarmonicModel
+from tensctl.synthesis.estimator import Estimator, Plant, kalman_estimator
+from tensctl.synthesis.feedback import command
+from tensctl.synthesis.harmonic_kalman import HarmonicKalman, harmonic_kalman
+from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
+from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR
+from tensctl.synthesis.harmonic_weights import Blocks
+from tensctl.synthesis.loop import Loop, close
+from tensctl.synthesis.lqr_sampled import continuous_poles
+from tensctl.synthesis.sensors import Reading, Sensors
+from tensctl.synthesis.weights import Cost
+from tensctl.threads import one_blas_thread
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicLQG:
+    """Output feedback about a symmetric equilibrium; a controller when it was designed with a period.
+
+    Attributes
+    ----------
+    regulator : HarmonicLQR or HarmonicSampledLQR
+    filter : HarmonicKalman
+    plants : tuple of Plant
+    estimators : tuple of Estimator
+        As they run, one a harmonic.
+    """
+
+    regulator: HarmonicLQR | HarmonicSampledLQR
+    filter: HarmonicKalman
+    plants: tuple[Plant, ...]
+    estimators: tuple[Estimator, ...]
+
+    @property
+    def linear(self) -> HarmonicModel:
+        """The model that was controlled."""
+        return self.filter.linear
+
+    @property
+    def sensors(self) -> Sensors:
+        """What it is shown."""
+        return self.filter.sensors
+
+    @property
+    def dt(self) -> float | None:
+        """Control period, s; None in continuous time."""
+        return self.filter.dt
+
+    @cached_property
+    def loops(self) -> tuple[Loop, ...]:
+        """The closed loop of each harmonic and its estimator."""
+        return tuple(close(plant, e) for plant, e in zip(self.plants, self.estimators, strict=True))
+
+    @cached_property
+    def poles(self) -> Complex[np.ndarray, " n"]:
+        """Poles of the whole closed loop, 1/s; of a sampled one log(z)/dt."""
+        copies = [block.copies for block in self.linear.blocks]
+        spectra = [loop.spectrum for loop in self.loops]
+        both = [[own, own.conj()][:count] for own, count in zip(spectra, copies, strict=True)]
+        found = np.concatenate([part for pair in both for part in pair])
+        return found if self.dt is None else continuous_poles(found, self.dt)
+
+    @property
+    def slowest(self) -> float:
+        """Real part of the slowest pole, 1/s; negative when the loop is stable."""
+        return float(np.real(self.poles).max())
+
+    @cached_property
+    def expected_cost(self) -> float:
+        """Cost rate (cost of a period when sampled) that noise keeps up: the square of the loop's H2 norm."""
+        total = 0.0
+        for block, loop, one, cost in zip(self.linear.blocks, self.loops, self.filter.blocks, self._costs, strict=True):
+            total += block.copies * loop.cost(loop.noise(one.W, one.V).X, cost)
+        return total
+
+    @property
+    def _costs(self) -> tuple[Cost, ...]:
+        own = self.regulator
+        if isinstance(own, HarmonicSampledLQR):
+            return own.period_costs
+        return tuple(Cost(Q, R, np.zeros((len(Q), len(R)))) for Q, R in zip(own.Q, own.R, strict=True))
+
+    def reset(self) -> None:
+        """Forget the estimate: the structure is at its equilibrium."""
+        self._recall({})
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The estimate, real and imaginary parts in turn, and the inputs at the last sample."""
+        return dict(vars(self).get("_memory", {}))
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from this estimate."""
+        self._recall(state)
+
+    @one_blas_thread()
+    def step(self, t: float, measurement: Reading) -> Float[np.ndarray, " nu"]:
+        """Total rest-length change u from L0, m, kept above the rest-length floors.
+
+        Raises
+        ------
+        SynthesisError
+            For a design in continuous time, or when more than the sensors' reading is shown.
+        """
+        if self.dt is None:
+            raise SynthesisError("this LQG was designed in continuous time; give harmonic_lqg a control period dt.")
+        if not isinstance(measurement, Reading):
+            raise SynthesisError(
+                "LQG is shown what its sensors read; give step(t, lqg.sensors.read(measurement, sample))."
+            )
+        rest, waves = self.linear.equilibrium, self.linear.map.waves
+        change, last = measurement.inputs - rest.inputs, self.state()
+        u, y = waves(change), self.filter.outputs.waves(measurement.values - self.sensors.of(rest))
+        estimate = [
+            e.seen @ (yk - p.D @ uk) for e, p, yk, uk in zip(self.estimators, self.plants, y, u, strict=True)
+        ]  # fmt: skip
+        if last:
+            before = zip(self.estimators, self._unpacked(last["estimate"]), waves(last["inputs"]), u, strict=True)
+            gone_on = [e.Phi @ xi + e.before @ earlier + e.now @ now for e, xi, earlier, now in before]
+            estimate = [seen + own for seen, own in zip(estimate, gone_on, strict=True)]
+        self._recall({"estimate": _packed(estimate), "inputs": change})
+        asked = [-(e.C @ xi + e.direct @ uk) for e, xi, uk in zip(self.estimators, estimate, u, strict=True)]
+        return command(self.linear, self.linear.map.shortening(asked))
+
+    def _recall(self, memory: dict[str, np.ndarray]) -> None:
+        vars(self)["_memory"] = dict(memory)
+
+    def _unpacked(self, packed: np.ndarray) -> list[np.ndarray]:
+        """Estimates by harmonic."""
+        ends = np.cumsum([e.order for e in self.estimators])[:-1]
+        parts = zip(self.linear.blocks, np.split(packed[0] + 1j * packed[1], ends), strict=True)
+        return [np.real(part) if block.copies == 1 else part for block, part in parts]
+
+    def verify(self, tol: float = 1e-9) -> None:
+        """Check both Riccati residuals, the stability of regulator and filter, and that of the loop which they close.
+
+        Raises
+        ------
+        SynthesisError
+            With the number or the harmonic that fails.
+        """
+        self.regulator.verify(tol)
+        self.filter.verify(tol)
+        for block, loop in zip(self.linear.blocks, self.loops, strict=True):
+            if not loop.stability < 0:
+                raise SynthesisError(
+                    f"the closed loop of harmonic {block.k} is not stable: it misses by {loop.stability:.1e}."
+                )
+
+
+@one_blas_thread()
+def harmonic_lqg(
+    linear: HarmonicModel,
+    sensors: Sensors,
+    *,
+    Q: Blocks | None = None,
+    R: np.ndarray | Blocks | None = None,
+    force_noise: float | Mapping[str, float] = 0.1,
+    dt: float | None = None,
+) -> HarmonicLQG:
+    """Design output feedback harmonic by harmonic, that of `lqg` with the same weights, noise and period.
+
+    Parameters
+    ----------
+    linear : HarmonicModel
+    sensors, force_noise
+        As `harmonic_kalman` takes them.
+    Q, R
+        Weights as `harmonic_lqr` takes them; energies by default.
+    dt : float, s, optional
+        Control period; without it the continuous problem, which can be judged but not run.
+
+    Raises
+    ------
+    SynthesisError
+        What `harmonic_lqr` and `harmonic_kalman` refuse.
+    """
+    regulator = harmonic_lqr(linear, Q, R, dt=dt)
+    found = harmonic_kalman(linear, sensors, force_noise=force_noise, dt=dt)
+    sampled = regulator.sampled if isinstance(regulator, HarmonicSampledLQR) else [None] * len(linear.blocks)
+    plants = tuple(
+        Plant(block.A, block.B, found.outputs.C(block), found.outputs.D(block), own)
+        for block, own in zip(linear.blocks, sampled, strict=True)
+    )
+    gains = zip(plants, found.blocks, regulator.K, strict=True)
+    estimators = tuple(kalman_estimator(plant, one.gain, K) for plant, one, K in gains)
+    return HarmonicLQG(regulator, found, plants, estimators)
+
+
+def _packed(blocks: list[np.ndarray]) -> Float[np.ndarray, "2 n"]:
+    """Real and imaginary parts, for memories that hold real arrays."""
+    joined = np.concatenate(blocks)
+    return np.stack([np.real(joined), np.imag(joined)])

@@ -1,0 +1,152 @@
+"""LQR of the sampled loop of a cyclically symmetric structure, harmonic by harmonic: `lqr_sampled` in blocks.
+
+    z_k = (x_k, u_k),   z_k <- A_k z_k + B_k u_k+,   u_k+ = -K_k z_k
+
+Rest lengths ramp to each command within a period, and the cost is the integral over ramped periods, in every harmonic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Complex, Float, Inexact
+
+from tensctl.errors import SynthesisError
+from tensctl.linear import HarmonicModel, LinearModel, Sampled, sample_ramped
+from tensctl.linear.harmonic_block import Harmonic
+from tensctl.synthesis.crossed import Optimum, optimal
+from tensctl.synthesis.feedback import Measured, command
+from tensctl.synthesis.harmonic_riccati import by_harmonic, poles_of, residual_of, stable
+from tensctl.synthesis.harmonic_weights import Blocks
+from tensctl.synthesis.lqr_sampled import continuous_poles
+from tensctl.synthesis.over_period import ramped_cost
+from tensctl.synthesis.weights import Cost
+from tensctl.threads import one_blas_thread
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicSampledLQR:
+    """Sampled state feedback about a symmetric equilibrium; a controller with `step` and `reset`.
+
+    Attributes
+    ----------
+    linear : HarmonicModel
+    costs, period_costs : tuple of Cost
+        Continuous weights of each harmonic, and their integral over a period as weights on (x_k, u_k) and u_k+.
+    sampled : tuple of Sampled
+    blocks : tuple of Optimum
+        Gain (p, nx + p) and cost to go of each harmonic.
+    """
+
+    linear: HarmonicModel
+    costs: tuple[Cost, ...]
+    period_costs: tuple[Cost, ...]
+    sampled: tuple[Sampled, ...]
+    blocks: tuple[Optimum, ...]
+
+    @property
+    def dt(self) -> float:
+        """Control period, s."""
+        return self.sampled[0].dt
+
+    @property
+    def K(self) -> tuple[Inexact[np.ndarray, "p n"], ...]:
+        """Gains by harmonic, u_k+ = -K_k (x_k, u_k), deviations from the equilibrium."""
+        return tuple(block.K for block in self.blocks)
+
+    @property
+    def P(self) -> tuple[Inexact[np.ndarray, "n n"], ...]:
+        """Cost to go by harmonic."""
+        return tuple(block.P for block in self.blocks)
+
+    @cached_property
+    def residual(self) -> float:
+        """Riccati residual of the whole structure over the sum of its terms."""
+        parts = zip(self.sampled, self.period_costs, self.P, strict=True)
+        equations = ((*own.with_input_state(), cost, P) for own, cost, P in parts)
+        return residual_of(self.linear, equations, sampled=True)
+
+    @cached_property
+    def poles(self) -> Complex[np.ndarray, " n"]:
+        """Continuous poles log(z)/dt of the whole sampled loop, 1/s; minus infinity for what is gone in a period."""
+        return continuous_poles(poles_of(self.linear, self._loops), self.dt)
+
+    @property
+    def slowest(self) -> float:
+        """Real part of the slowest pole, 1/s; negative when the loop is stable."""
+        return float(np.real(self.poles).max(initial=-np.inf))
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Nothing is remembered from step to step, so runs under it can be stored and resumed."""
+        return {}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Nothing to remember."""
+
+    @one_blas_thread()
+    def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
+        """Total rest-length change u from L0, m, kept above the rest-length floors."""
+        states = self.linear.state_of(measurement.nodes, measurement.velocities)
+        inputs = self.linear.map.waves(np.asarray(measurement.inputs) - self.linear.equilibrium.inputs)
+        return command(self.linear, self.answer(states, inputs))
+
+    def answer(self, states: Blocks, inputs: Blocks) -> Float[np.ndarray, "nu *columns"]:
+        """-K (x, u) of the whole structure, m, from the harmonics of its state and of its inputs."""
+        parts = zip(self.K, states, inputs, strict=True)
+        return self.linear.map.shortening([-K @ np.concatenate([x, u]) for K, x, u in parts])
+
+    def dense(self, linear: LinearModel) -> tuple[Float[np.ndarray, "nu n"], Float[np.ndarray, "n n"]]:
+        """K and P on (x, u) in the states of a dense model of the same equilibrium, for sizes that have one."""
+        bases, inputs = self.linear.changed_basis(linear), self.linear.map.waves(np.eye(self.linear.nu))
+        states = [np.hstack([T, np.zeros((len(T), U.shape[1]))]) for T, U in zip(bases, inputs, strict=True)]
+        shifted = [np.hstack([np.zeros((len(U), T.shape[1])), U]) for T, U in zip(bases, inputs, strict=True)]
+        whole = [np.vstack(pair) for pair in zip(states, shifted, strict=True)]
+        terms = zip(self.linear.blocks, self.P, whole, strict=True)
+        P = sum((block.copies * np.real(Z.conj().T @ P @ Z) for block, P, Z in terms), np.zeros(()))
+        return -self.answer(states, shifted), P
+
+    def verify(self, tol: float = 1e-9) -> None:
+        """Check the Riccati residual and, by Lyapunov's inequality, that every pole is stable.
+
+        Raises
+        ------
+        SynthesisError
+            With the number or the harmonic that fails.
+        """
+        if not self.residual <= tol:
+            raise SynthesisError(f"the Riccati residual is {self.residual:.1e}; at most {tol:.0e} is expected.")
+        for block, loop, P in zip(self.linear.blocks, self._loops, self.P, strict=True):
+            if not stable(loop, P, sampled=True):
+                raise SynthesisError(f"a pole of the sampled loop of harmonic {block.k} is not stable.")
+
+    @property
+    def _loops(self) -> Iterator[np.ndarray]:
+        for own, K in zip(self.sampled, self.K, strict=True):
+            A, B = own.with_input_state()
+            yield A - B @ K
+
+
+def sampled_design(linear: HarmonicModel, Q: Sequence, R: Sequence, dt: float) -> HarmonicSampledLQR:
+    """Design with checked weights.
+
+    Raises
+    ------
+    SynthesisError
+        A period that is none, or a mode that is neither damped nor driven.
+    """
+    if not (np.isfinite(dt) and dt > 0):
+        raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
+    costs = tuple(Cost(Q[b.k], R[b.k], np.zeros(b.B.shape)) for b in linear.blocks)
+
+    def solve(block: Harmonic) -> tuple[Cost, Sampled, Optimum]:
+        period, own = ramped_cost(block.A, block.B, costs[block.k], dt), sample_ramped(block.A, block.B, dt)
+        return period, own, optimal(*own.with_input_state(), period, sampled=True)
+
+    periods, sampled, found = zip(*by_harmonic(linear, solve), strict=True)
+    return HarmonicSampledLQR(linear, costs, periods, sampled, found)
