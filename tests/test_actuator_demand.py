@@ -260,12 +260,19 @@ class TestTold:
     def test_share_of_the_stall_limit(self):
         dynamics = still("k", force_max=80.0)
         found = pulled(dynamics, np.linspace(0, 2, 5))
-        assert found.load[0] == pytest.approx(60 / 80)
+        assert found.load.value[0] == pytest.approx(60 / 80)
         assert "75 %" in str(found)
         assert record(found)["largest_share_of_force_max"] == pytest.approx(0.75)
         free = pulled(still("k"), np.linspace(0, 2, 5))
-        assert free.load[0] == 0
+        assert free.load.value[0] == 0
         assert "of limit" not in str(free)
+        assert found.stalls is None
+
+    def test_beyond_the_stall_limit(self):
+        """A schedule knows no limits; what it exceeds is told with its time."""
+        found = pulled(still("k", force_max=48.0), np.linspace(0, 2, 5))
+        assert found.stalls == "actuator tie beyond force_max: 125 % of it at 1 s"
+        assert found.stalls in str(found)
 
     def test_table_and_record(self, mast):
         """Most powerful first; JSON holds the same numbers by label."""

@@ -61,11 +61,15 @@ def demanded(results: Results, clock: Clock) -> Results:
     from tensctl.simulation import actuator_demand
     from tensctl.simulation.asked import loads_of
 
+    asked = results.scene.simulation
     with clock.stage("actuators"):
-        if not is_driven(results.scene):
+        if is_driven(results.scene):
+            assert results.run is not None
+            assert asked is not None
+            demand = actuator_demand(results.run, results.dynamics, pushes=loads_of(asked))
+        else:
             assert results.path is not None
-            return replace(results, demand=actuator_demand(results.path))
-        assert results.run is not None
-        assert results.scene.simulation is not None
-        pushes = loads_of(results.scene.simulation)
-        return replace(results, demand=actuator_demand(results.run, results.dynamics, pushes=pushes))
+            demand = actuator_demand(results.path)
+    if demand.stalls:
+        clock.progress.warn(demand.stalls)
+    return replace(results, demand=demand)

@@ -59,7 +59,7 @@ def demand_rows(demand: ActuatorDemand) -> tuple[DemandRow, ...]:
             share=share,
             positive=float(d.work.positive[k]),
             regenerated=float(d.work.regenerated[k]),
-            load=float(d.load[k]),
+            load=float(d.load.value[k]),
         )
         for k, share in zip(places, shares, strict=True)
     )

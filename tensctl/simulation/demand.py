@@ -17,6 +17,8 @@ from jaxtyping import Float
 from tensctl.errors import SimulationError
 from tensctl.simulation.demand_table import table
 
+# Part of a stall limit by which a tension may pass it and still count as at it.
+_AT_LIMIT = 1e-6
 Kind = Literal["run", "path", "slow path"]
 
 
@@ -56,7 +58,7 @@ class ActuatorDemand:
     work : Work
     work_error : (nu,) J
         How much the net work changes when every second time is left out; its error is smaller.
-    load : (nu,)
+    load : Peak
         Largest tension over `actuators.force_max` among the tendons of each motor; 0 where there is no limit.
     energy_change : float, J
         Of the structure, from first to last time.
@@ -73,7 +75,7 @@ class ActuatorDemand:
     power_after: Float[np.ndarray, "t nu"]
     work: Work
     work_error: Float[np.ndarray, " nu"]
-    load: Float[np.ndarray, " nu"]
+    load: Peak
     energy_change: float
     closed: bool
 
@@ -126,6 +128,19 @@ class ActuatorDemand:
     def balance(self) -> float:
         """Net work less the change of energy, J: rounding and sampling where `closed`, else what others took."""
         return float(self.work.net.sum()) - self.energy_change
+
+    @property
+    def stalls(self) -> str | None:
+        """Which actuators are beyond their stall limits, in words; None when none is."""
+        over = np.flatnonzero(self.load.value > 1 + _AT_LIMIT)
+        if not over.size:
+            return None
+        worst = int(over[self.load.value[over].argmax()])
+        others = f" and {over.size - 1} more" if over.size > 1 else ""
+        return (
+            f"actuator {self.labels[worst]}{others} beyond force_max: "
+            f"{100 * self.load.value[worst]:.4g} % of it at {self.load.time[worst]:.4g} s"
+        )
 
     def allowed(self, tol: float = 1e-6) -> float:
         """Largest imbalance of energy that counts as none, J: a part of the work in both directions, and sampling."""

@@ -13,7 +13,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.simulation.actuator_work import Pull, motor_forces, pull_of_run, pull_of_tensions
-from tensctl.simulation.demand import ActuatorDemand, Kind, Work
+from tensctl.simulation.demand import ActuatorDemand, Kind, Peak, Work
 from tensctl.simulation.energy import energy_at
 from tensctl.simulation.loads import Load
 from tensctl.simulation.run import Run
@@ -74,8 +74,8 @@ def _demand(
     speed, works = pull.speed, pull.works()
     after = np.zeros_like(speed)
     after[:-1] = pull.force[:-1] * speed[1:]
-    load = np.zeros(len(labels))
-    np.maximum.at(load, motor, (tensions / members.force_max).max(axis=0)[members.inputs])
+    shares = np.zeros_like(speed)
+    np.maximum.at(shares.T, motor, (tensions / members.force_max).T[members.inputs])
     return ActuatorDemand(
         of=of,
         labels=labels,
@@ -86,7 +86,7 @@ def _demand(
         power_after=after,
         work=Work(np.maximum(works, 0).sum(axis=0), np.minimum(works, 0).sum(axis=0), works.sum(axis=0)),
         work_error=pull.error,
-        load=load,
+        load=Peak(shares.max(axis=0), pull.time[shares.argmax(axis=0)]),
         energy_change=energy_change,
         closed=closed,
     )

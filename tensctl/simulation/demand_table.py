@@ -28,13 +28,13 @@ _COLUMNS = (
 
 def table(demand: ActuatorDemand) -> str:
     """Peaks, rms and holding force, and work of each actuator, then of all together."""
-    limited = bool(demand.load.any())
+    limited = bool(demand.load.value.any())
     names = (*(name for _, name in _COLUMNS), *(["of limit"] if limited else []))
     width = max(len("actuator"), *(len(label) for label in demand.labels))
     lines = [" ".join([f"{'actuator':{width}}", *(f"{name:>11}" for name in names)])]
     rows, places = _rows(demand), demand.most_powerful
     for k in places[:_SHOWN]:
-        share = [f"{100 * demand.load[k]:9.0f} %"] if limited else []
+        share = [f"{100 * demand.load.value[k]:9.0f} %"] if limited else []
         lines.append(" ".join([f"{demand.labels[k]:{width}}", *(f"{x:11.4g}" for x in rows[k]), *share]))
     if len(places) > _SHOWN:
         lines.append(f"and {len(places) - _SHOWN} less powerful ones")
@@ -46,7 +46,7 @@ def record(demand: ActuatorDemand) -> dict:
     supply, when = demand.peak_supply
     names = tuple(name for name, _ in _COLUMNS)
     rows = [dict(zip(names, row, strict=True)) for row in _rows(demand).tolist()]
-    limits = {"largest_share_of_force_max": float(demand.load.max())} if demand.load.any() else {}
+    limits = {"largest_share_of_force_max": float(demand.load.value.max())} if demand.load.value.any() else {}
     return {
         "of": demand.of,
         "peak_supply_W": supply,
@@ -76,7 +76,9 @@ def _together(demand: ActuatorDemand) -> list[str]:
         "path": "; the difference is inertia that no actuator balances",
         "slow path": ", infinitely slow",
     }
+    stalls = [f"warning: {demand.stalls}"] if demand.stalls else []
     return [
         f"together at most {supply:.4g} W at {when:.4g} s; {given:.4g} J given, {-back:.4g} J taken back",
         f"net work {net:.4g} J, change of energy {demand.energy_change:.4g} J{others[demand.of]}",
+        *stalls,
     ]
