@@ -125,6 +125,18 @@ def controllability(scene: SceneFile, /, *, out: Out | None = None) -> None:
 
 
 @app.command
+def survey(scene: SceneFile, /) -> None:
+    """Plan the way to the scene's target and say what the structure is like along it; simulate nothing."""
+    asked = _load(scene)
+    from tensctl import synthesis
+    from tensctl.model import build_dynamics
+
+    path = synthesis.plan_shape(asked)
+    print(path.description)
+    print(synthesis.survey(path, build_dynamics(asked)))
+
+
+@app.command
 def accuracy(scene: SceneFile, /, *, out: Out | None = None) -> None:
     """Measure error against run time for the scene's own motion.
 

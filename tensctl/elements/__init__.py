@@ -2,6 +2,7 @@
 
 from tensctl.elements.assembly import TendonTerms, scatter_blocks, tendon_terms
 from tensctl.elements.cables import CableTerms, length_map, unit_vectors
+from tensctl.elements.gaps import RodGaps, rod_gaps
 from tensctl.elements.jointed import JointedManifold
 from tensctl.elements.manifold import RodManifold
 from tensctl.elements.potential import Potential, PotentialPoint
@@ -14,11 +15,13 @@ __all__ = [
     "JointedManifold",
     "Potential",
     "PotentialPoint",
+    "RodGaps",
     "RodManifold",
     "TendonTerms",
     "length_map",
     "rod_acceleration",
     "rod_energy",
+    "rod_gaps",
     "scatter_blocks",
     "tendon_energy",
     "tendon_statics",

@@ -30,6 +30,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         lqr=results.lqr,
         lqg=results.lqg,
         path=results.path,
+        survey=results.survey,
         run=results.run,
         sanity=results.sanity,
         demand=results.demand,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQG, LQR, MPC, SampledLQR, ShapePath
+    from tensctl.synthesis import LQG, LQR, MPC, PathSurvey, SampledLQR, ShapePath
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,8 @@ class Results:
     study : Study
         What the tendons can do, all that `[controllability]` asks for.
     path : ShapePath
+    survey : PathSurvey
+        What the path is like on the way.
     lqr : LQR or SampledLQR
         About the target's equilibrium where there is a target.
     lqg : LQG
@@ -57,6 +59,7 @@ class Results:
     linear: LinearModel | None = None
     study: Study | None = None
     path: ShapePath | None = None
+    survey: PathSurvey | None = None
     lqr: LQR | SampledLQR | None = None
     lqg: LQG | None = None
     mpc: MPC | None = None

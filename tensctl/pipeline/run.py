@@ -115,10 +115,11 @@ def _compute(scene: Scene, clock: Clock) -> Results:
         equilibrium = _held(find_equilibrium(scene), scene)
     results = Results(scene, equilibrium)
     for asked, stage in (
-        (_needs_linear(scene) or scene.simulation is not None, _model),
+        (_needs_linear(scene) or scene.simulation is not None or scene.target is not None, _model),
         (_needs_linear(scene), _linearize),
         (scene.controllability is not None, _controllability),
         (scene.target is not None, _plan),
+        (scene.target is not None, _survey),
         (scene.lqr is not None, _lqr),
         (scene.lqg is not None, _lqg),
         (scene.mpc is not None, _mpc),
@@ -190,6 +191,19 @@ def _plan(results: Results, clock: Clock) -> Results:
 
     with clock.stage("shape path"):
         return replace(results, path=plan_shape(results.scene, start=results.equilibrium))
+
+
+def _survey(results: Results, clock: Clock) -> Results:
+    from tensctl.synthesis import survey, too_quick
+
+    assert results.path is not None
+    assert results.dynamics is not None
+    with clock.stage("path survey"):
+        found = survey(results.path, results.dynamics)
+    mpc = results.scene.mpc
+    if sentence := too_quick(results.path, 0.0 if mpc is None else mpc.tension_min):
+        clock.progress.warn(sentence)
+    return replace(results, survey=found)
 
 
 def _at_target(results: Results):

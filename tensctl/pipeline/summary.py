@@ -13,7 +13,7 @@ from tensctl.pipeline.results import Results
 if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.simulation import Sanity
-    from tensctl.synthesis import LQG, LQR, SampledLQR
+    from tensctl.synthesis import LQG, LQR, PathSurvey, SampledLQR
 
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
@@ -124,7 +124,24 @@ def _target(results: Results) -> dict | None:
         "largest_rest_length_change_m": float(np.abs(path.target.inputs).max()),
         "lowest_tension_N": float(path.tensions[:, ~path.target.structure.grounded_tendons].min()),
         "fastest_reference_m_per_s": path.fastest,
+        "on_the_way": None if results.survey is None else _on_the_way(results.survey),
     }
+
+
+def _on_the_way(survey: PathSurvey) -> dict:
+    least = {name: survey.worst(name) for name in ("frequency", "stiffness", "tension", "moving_tension", "clearance")}
+    found = {
+        "lowest_frequency_Hz": least["frequency"].frequency,
+        "least_stiffness_N_per_m": least["stiffness"].stiffness,
+        "softest_node": least["stiffness"].softest,
+        "lowest_tension_N": least["tension"].tension,
+        "slackest_tendon": least["tension"].slackest,
+        "lowest_tension_moving_N": least["moving_tension"].moving_tension,
+        "least_drive": survey.worst("drive").drive,
+    }
+    if least["clearance"].nearest:
+        found |= {"least_rod_distance_m": least["clearance"].clearance, "nearest_rods": least["clearance"].nearest}
+    return found
 
 
 def _mpc(results: Results) -> dict | None:

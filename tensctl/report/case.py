@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQG, LQR, SampledLQR, ShapePath
+    from tensctl.synthesis import LQG, LQR, PathSurvey, SampledLQR, ShapePath
 
 
 RELAXED_MORE_THAN = 1e-9  # N; below it a relaxation of the tension floor is the solver's rounding, not a decision
@@ -121,7 +121,7 @@ class Case:
         What is built.
     scene_toml : str, optional
         The scene with every default visible.
-    equilibrium, linear, controllability, lqr, lqg, path, run, sanity, demand, accuracy
+    equilibrium, linear, controllability, lqr, lqg, path, survey, run, sanity, demand, accuracy
         Results of the other rooms, read by attribute only: nothing of those rooms is loaded.
     limits : Limits, optional
         Drawn into the plots of the run.
@@ -152,6 +152,7 @@ class Case:
     lqr: LQR | SampledLQR | None = None
     lqg: LQG | None = None
     path: ShapePath | None = None
+    survey: PathSurvey | None = None
     run: Run | None = None
     sanity: Sanity | None = None
     demand: ActuatorDemand | None = None

@@ -5,7 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from tensctl.report import plot_accuracy, plot_demand, plot_modes, plot_poles, plot_sanity, plot_solver, plot_time
+from tensctl.report import (
+    plot_accuracy,
+    plot_demand,
+    plot_modes,
+    plot_path,
+    plot_poles,
+    plot_sanity,
+    plot_solver,
+    plot_time,
+)
 from tensctl.report.animation import Motion
 from tensctl.report.case import Case
 from tensctl.report.colourbar import colour_bar
@@ -36,6 +45,9 @@ class Figures:
     solve_times: Plot | None
     kkt: Plot | None
     power: Plot | None
+    wanted: tuple[Plot, ...]
+    plane: Plot | None
+    margins: tuple[Plot, ...]
     clearances: Plot | None
     compressions: Plot | None
     slack: Plot | None
@@ -64,6 +76,9 @@ def draw_figures(case: Case, motion: Motion) -> Figures:
         solve_times=plot_solver.solve_times(case.run, None if case.mpc_check is None else case.mpc_check.dt),
         kkt=plot_solver.kkt_residuals(case.run),
         power=plot_demand.power(case),
+        wanted=plot_path.wanted(case),
+        plane=plot_path.plane(case),
+        margins=plot_path.margins(case),
         clearances=plot_sanity.clearances(case),
         compressions=plot_sanity.compressions(case),
         slack=plot_sanity.slack(case),

@@ -28,6 +28,7 @@ def _certified(case: Case) -> bool:
 SECTIONS = (
     Section("motion", "Motion", lambda case: True),
     Section("shape", "Shape", lambda case: case.equilibrium is not None),
+    Section("path", "Path", lambda case: case.path is not None and case.survey is not None),
     Section("history", "Over time", lambda case: case.run is not None and len(case.run.time) > 1),
     Section("actuators", "Actuators", lambda case: case.demand is not None),
     Section("sanity", "Sanity", lambda case: case.sanity is not None),

@@ -59,6 +59,7 @@ class TargetStage(WantedShape):
 
     start: Annotated[float, Number("s", least=0)] = 0.0
     duration: Annotated[float, Number("s", above=0)] = 3.0
+    clearance: Annotated[float | None, Number("m, between rods", least=0)] = None
     waypoint: tuple[Waypoint, ...] = ()
 
     @model_validator(mode="after")

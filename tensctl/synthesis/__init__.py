@@ -11,11 +11,13 @@ from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.mpc import MPC, StepRecord
 from tensctl.synthesis.mpc_output import OutputMPC
 from tensctl.synthesis.mpc_weights import Weights
+from tensctl.synthesis.pace import too_quick
 from tensctl.synthesis.path import ShapePath
 from tensctl.synthesis.plan import plan_shape
 from tensctl.synthesis.riccati import Riccati, care, dare
 from tensctl.synthesis.sensors import Reading, Sensors, sensors
 from tensctl.synthesis.stabilisable import LeftOut
+from tensctl.synthesis.survey import PathSurvey, Station, survey
 from tensctl.synthesis.target import Feature, Linear, Twist, shell_height, shell_rings
 from tensctl.synthesis.tilt import Tilt
 from tensctl.synthesis.truncate import ReducedModel, truncate
@@ -35,12 +37,14 @@ __all__ = [
     "LeftOut",
     "Linear",
     "OutputMPC",
+    "PathSurvey",
     "Reading",
     "ReducedModel",
     "Riccati",
     "SampledLQR",
     "Sensors",
     "ShapePath",
+    "Station",
     "StepRecord",
     "Tilt",
     "Twist",
@@ -57,6 +61,8 @@ __all__ = [
     "sensors",
     "shell_height",
     "shell_rings",
+    "survey",
+    "too_quick",
     "truncate",
     "weights",
 ]

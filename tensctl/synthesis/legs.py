@@ -93,7 +93,8 @@ class Leg:
                 ways.append(f"{name} {round(begin, 4) + 0.0:.4f} {unit} to {round(end, 4) + 0.0:.4f} {unit}")
         if self.round_about is not None:
             kind = self.features[self.round_about[0][0]].name.split()[0]
-            ways.append(f"{kind} {abs(self.turns):g} times round, {'counter-' * (self.turns > 0)}clockwise")
+            often = "once" if abs(self.turns) == 1 else f"{abs(self.turns):g} times"
+            ways.append(f"{kind} {often} round, {'counter-' * (self.turns > 0)}clockwise")
         return "; ".join(ways) or "stays"
 
 

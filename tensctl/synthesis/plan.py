@@ -11,6 +11,7 @@ from tensctl.errors import SynthesisError
 from tensctl.statics import Equilibrium, find_equilibrium
 from tensctl.synthesis.legs import Leg, legs_of
 from tensctl.synthesis.path import ShapePath
+from tensctl.synthesis.rod_room import crowded
 from tensctl.synthesis.shape import ShapeProblem
 from tensctl.synthesis.target import wanted_target
 from tensctl.synthesis.tension_room import stalled
@@ -33,7 +34,8 @@ def plan_shape(
     ----------
     scene : Scene
         `[target]` gives `height_scale`, `twist`, `tip`, `tilt` or `nodes`, or several, with `start` and `duration`, or
-        waypoints; `[mpc]` gives `tension_min` and `rate_max`, `[actuators]` the stall limits `force_max`.
+        waypoints, and the `clearance` of rods; `[mpc]` gives `tension_min` and `rate_max`, `[actuators]` the stall
+        limits `force_max`.
     target : float, or table with the keys of `[target]`, optional
         Height over the equilibrium's height; the scene's own target by default.
     start : Equilibrium, optional
@@ -44,7 +46,8 @@ def plan_shape(
     Raises
     ------
     SynthesisError
-        A shape out of reach, a start beyond a stall limit, or a duration too short for the rate limit.
+        A shape out of reach, a start beyond a stall limit or with rods too near, or a duration too short for the rate
+        limit.
     """
     start = find_equilibrium(scene) if start is None else start
     if not start.stable:
@@ -52,6 +55,8 @@ def plan_shape(
     if beyond := stalled(start):
         raise SynthesisError(f"the path's start has {beyond}; raise that limit, or begin with longer rest lengths.")
     wanted = wanted_target(scene, target)
+    if wanted.clearance is not None and (near := crowded(start, wanted.clearance)):
+        raise SynthesisError(f"the path's start has {near}; ask for less, or begin with another shape.")
     if tension_min is None:
         tension_min = 0.0 if scene.mpc is None else scene.mpc.tension_min
     if rate_max is None and scene.mpc is not None:
@@ -59,7 +64,7 @@ def plan_shape(
     legs, equilibria, ways = tuple(legs_of(wanted, start.structure, start.nodes)), [start], []
     for leg in legs:
         ways.append(leg.said(leg.begins(equilibria[-1].nodes)))
-        equilibria += _along(leg, ShapeProblem(leg.features, tension_min), equilibria[-1])
+        equilibria += _along(leg, ShapeProblem(leg.features, tension_min, wanted.clearance), equilibria[-1])
     path = ShapePath(tuple(equilibria), legs, f"{', then '.join(ways)}; least rest-length change")
     if rate_max is not None:
         _check_pace(path, rate_max)

@@ -1,6 +1,7 @@
 """Rest lengths for a new shape: least change of u along equilibria whose tensions stay within their limits.
 
     minimise |u|^2   subject to   h(p(u)) = wanted (each feature),   tension_min <= T(u) <= force_max,   L0 - u >= floor
+                                  d(p(u)) >= clearance (each pair of rods, where one is asked for)
 
 p(u) is the equilibrium itself, so every iterate balances. Sequential quadratic programming with the exact static
 influence dp/du = J Phi diag(1/omega^2) Phi'G: constraints converge as Newton does, the minimum linearly. The curvature
@@ -19,6 +20,7 @@ from tensctl.errors import EquilibriumError, SynthesisError
 from tensctl.statics import Equilibrium, settle
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
+from tensctl.synthesis.rod_room import at_clearance, missing, rows
 from tensctl.synthesis.target import Feature
 from tensctl.synthesis.tension_room import limited, room, room_slope
 from tensctl.threads import one_blas_thread
@@ -41,10 +43,13 @@ class ShapeProblem:
     ----------
     features : tuple of Feature
     tension_min : float, N
+    clearance : float, m, optional
+        Least distance of two rods' surfaces.
     """
 
     features: tuple[Feature, ...]
     tension_min: float
+    clearance: float | None = None
 
     @one_blas_thread()
     def solve(self, start: Equilibrium, wanted: np.ndarray) -> Equilibrium:
@@ -74,11 +79,11 @@ class ShapeProblem:
                 return now
         raise SynthesisError(
             f"no rest lengths were found for {self._said(wanted)} with {self._allowed(now)}; "
-            f"the last try has {self._said(self._values(now))}; {_remedy(now)}."
+            f"the last try has {self._said(self._values(now))}; {self._remedy(now)}."
         )
 
     def at_limit(self, now: Equilibrium) -> str:
-        """Tendons whose tension or rest length is at its limit, in words."""
+        """What is at its limit, in words: tensions, rest lengths, distances of rods."""
         kept, members = ~now.structure.grounded_tendons, now.potential.members
         low = kept & (now.tensions <= self.tension_min * (1 + 1e-6) + 1e-9 * now.tensions.max(initial=0.0))
         strong = now.tensions >= members.force_max * (1 - 1e-6)
@@ -90,6 +95,8 @@ class ShapeProblem:
             for found, limit in limits
             if found.any()
         ]
+        if self.clearance is not None and (pairs := at_clearance(now, self.clearance)):
+            said.append(pairs)
         return " and ".join(said) or "no tendon is at a limit yet"
 
     def _values(self, now: Equilibrium) -> np.ndarray:
@@ -109,21 +116,39 @@ class ShapeProblem:
         return 0.1 * float(start.rest_lengths.min())
 
     def _misfit(self, now: Equilibrium, wanted: np.ndarray) -> float:
-        """Errors of the features plus the worst missing room of a tension, m: what a step may not raise."""
-        missing = -room(now, self.tension_min).min(initial=0.0)
-        return float(np.abs(self._error(now, wanted)).sum() + missing)
+        """Errors of the features plus the worst missing room of a tension and of rods, m: what a step may not raise."""
+        lacking = -room(now, self.tension_min).min(initial=0.0)
+        if self.clearance is not None:
+            lacking += missing(now, self.clearance)
+        return float(np.abs(self._error(now, wanted)).sum() + lacking)
 
     def _allowed(self, now: Equilibrium) -> str:
         """The limits of tension in words."""
-        return f"tensions above {self.tension_min:g} N" + " and up to force_max" * bool(limited(now).any())
+        stalls = " and up to force_max" * bool(limited(now).any())
+        apart = "" if self.clearance is None else f" and rods {self.clearance:g} m apart"
+        return f"tensions above {self.tension_min:g} N{stalls}{apart}"
+
+    def _remedy(self, now: Equilibrium) -> str:
+        ways = ["ask for less", "lower tension_min"]
+        ways += ["raise actuators.force_max"] * bool(limited(now).any())
+        ways += ["lower target.clearance"] * (self.clearance is not None)
+        return f"{', '.join(ways[:-1])}, or {ways[-1]}"
+
+    def _room(self, now: Equilibrium, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Room of tensions and rods, (r,) m, and its growth per unit of rest-length shortening, (r, nu)."""
+        left, slope = room(now, self.tension_min), room_slope(now, reach, self.tension_min)
+        if self.clearance is None:
+            return left, slope
+        apart, opening = rows(now, reach, self.clearance)
+        return np.concatenate([left, apart]), np.vstack([slope, opening])
 
     def _next_inputs(self, now: Equilibrium, wanted: np.ndarray, sigma: float) -> np.ndarray:
         members, reach = now.potential.members, static_influence(now)
         slopes = np.stack([feature.lever * feature.slope(now.nodes).ravel() for feature in self.features])
         rise = slopes @ (now.point.tangent @ reach)
-        slope = room_slope(now, reach, self.tension_min)
+        left, slope = self._room(now, reach)
         u = now.inputs
-        least = slope @ u - room(now, self.tension_min)
+        least = slope @ u - left
         target = rise @ u - self._error(now, wanted)
         lower, upper = members.input_bounds
         qp = QP(
@@ -135,15 +160,9 @@ class ShapeProblem:
         if solution.z is None:
             raise SynthesisError(
                 f"no small rest-length change leads from {self._said(self._values(now))} towards "
-                f"{self._said(wanted)} with {self._allowed(now)}; {_remedy(now)}."
+                f"{self._said(wanted)} with {self._allowed(now)}; {self._remedy(now)}."
             )
         return solution.z
-
-
-def _remedy(now: Equilibrium) -> str:
-    if limited(now).any():
-        return "ask for less, lower tension_min, or raise actuators.force_max"
-    return "ask for less, or lower tension_min"
 
 
 def _size(now: Equilibrium) -> float:

@@ -1,0 +1,33 @@
+"""Whether a path leaves inertia enough time: tensions of the moving reference against their floor.
+
+T(t) = T_rest + dT / f^2   for a leg that takes f times as long
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensctl.synthesis.path import ShapePath
+
+# Moments of a leg that are looked at, and the largest factor on its duration that is worth telling.
+_MOMENTS = 201
+_LONGEST = 1e3
+
+
+def too_quick(path: ShapePath, tension_min: float) -> str | None:
+    """The first leg whose motion takes a tension below its floor, and what time would do; None where none does."""
+    kept = ~path.target.structure.grounded_tendons
+    labels = np.array(path.target.structure.tendon_labels)[kept]
+    for leg in path.legs:
+        t = leg.start + leg.duration * np.linspace(0, 1, _MOMENTS)
+        rest, moving = path.balanced_tensions_at(t)[:, kept], path.tensions_at(t)[:, kept]
+        room = np.maximum(rest - tension_min, 1e-9 * rest.max(initial=1e-300))
+        factor = np.sqrt(np.max((rest - moving) / room, initial=0.0))
+        if factor > 1 + 1e-6:
+            at, tendon = np.unravel_index(moving.argmin(), moving.shape)
+            remedy = f"allow {leg.duration * factor:.3g} s or more" if factor < _LONGEST else "raise the prestress"
+            return (
+                f"{leg.key}.duration = {leg.duration:g} s is quick for this prestress: inertia would take "
+                f"{labels[tendon]} to {moving[at, tendon]:.3g} N at {t[at]:.2f} s, below {tension_min:g} N; {remedy}."
+            )
+    return None

@@ -1,0 +1,61 @@
+"""How far rods are beyond the distance that they have to keep from each other, and which are nearest.
+
+room    d_ab - clearance >= 0,   rows for pairs that one step could bring together
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.elements import RodGaps, rod_gaps
+from tensctl.statics import Equilibrium
+
+# Pairs whose room is below this part of the mean rod length have a row: no step moves a node as far.
+_SOON = 0.1
+# Part of the clearance by which a pair may be nearer and still keeps it.
+_ROUNDING = 1e-6
+
+
+def gaps_of(now: Equilibrium) -> RodGaps:
+    """Distances of all pairs of rods, m."""
+    return rod_gaps(now.structure.rods, now.potential.members.radius, now.nodes)
+
+
+def missing(now: Equilibrium, clearance: float) -> float:
+    """By how much the nearest two rods are too near, m."""
+    return max(clearance - gaps_of(now).least, 0.0)
+
+
+def rows(
+    now: Equilibrium, reach: Float[np.ndarray, "size nu"], clearance: float
+) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r nu"]]:
+    """Room of near pairs, m, and its growth per unit of rest-length shortening."""
+    gaps = gaps_of(now)
+    near = np.flatnonzero(gaps.distance < clearance + _SOON * now.structure.rod_lengths.mean())
+    return gaps.distance[near] - clearance, gaps.slope(near, len(now.nodes)) @ (now.point.tangent @ reach)
+
+
+def nearest(now: Equilibrium) -> tuple[float, str]:
+    """Distance of the nearest two rods, m, and which they are; infinite without a pair."""
+    gaps = gaps_of(now)
+    if not gaps.distance.size:
+        return np.inf, ""
+    pair = gaps.pairs[gaps.distance.argmin()]
+    return gaps.least, " and ".join(now.structure.rod_labels[rod] for rod in pair)
+
+
+def crowded(now: Equilibrium, clearance: float) -> str | None:
+    """The nearest two rods where they are nearer than the clearance, in words."""
+    distance, pair = nearest(now)
+    if distance >= clearance * (1 - _ROUNDING):
+        return None
+    return f"rods {pair} only {distance:.4g} m apart, nearer than target.clearance = {clearance:g} m"
+
+
+def at_clearance(now: Equilibrium, clearance: float) -> str:
+    """Pairs that are as near as they may be, in words; empty when there is none."""
+    gaps, labels = gaps_of(now), now.structure.rod_labels
+    pairs = gaps.pairs[gaps.distance <= clearance * (1 + 1e-4)]
+    names = [f"{labels[a]} and {labels[b]}" for a, b in pairs[:2]]
+    return f"rods {', '.join(names)}{' ...' * (len(pairs) > 2)} at target.clearance" if names else ""
