@@ -78,8 +78,8 @@ class Recovery:
     def recovered_above(self) -> tuple[int, ...]:
         """How many larger amplitudes were tried from which it came back: > 0 shows that recovery is not monotone."""
         return tuple(
-            sum(t.recovered and t.amplitude > high for t in trials)
-            for high, trials in zip(self.bracket[:, 1], self.trials, strict=True)
+            sum(trial.recovered and trial.amplitude > high for trial in trials)
+            for (_, high), trials in zip(self.bracket.tolist(), self.trials, strict=True)
         )
 
     def _trial(self, k: int, end: int) -> Trial | None:

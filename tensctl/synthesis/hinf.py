@@ -99,7 +99,7 @@ class System:
         return np.abs(sizes) / scale, np.abs(np.angle(over * under.conj())) / self.dt, float(np.linalg.norm(left))
 
 
-def hinf(system: System, *, start: float | None = None, tol: float = _TOL) -> Peak:
+def hinf(system: System, *, start: float | None = None, tol: float = _TOL, least: float = 0.0) -> Peak:
     """Enclose the largest gain of a stable system.
 
     Parameters
@@ -109,6 +109,8 @@ def hinf(system: System, *, start: float | None = None, tol: float = _TOL) -> Pe
         Where the peak is thought to be.
     tol : float
         Half the relative width of the enclosure, met unless rounding forbids it.
+    least : float
+        Of gains below this it is enough to know that they are; the upper end is then at it.
     """
     tried = system.pole_frequencies() if start is None else np.array([start])
     low, omega = float(np.linalg.norm(system.D, 2)), np.inf
@@ -116,7 +118,7 @@ def hinf(system: System, *, start: float | None = None, tol: float = _TOL) -> Pe
     if not low > 0:
         return Peak(0.0, 0.0, omega)
     for _ in range(_ROUNDS):
-        level = low * (1 + 2 * tol)
+        level = max(low, least) * (1 + 2 * tol)
         distances, frequencies, size = system.spectrum(level)
         near = np.unique(frequencies[distances <= _NEAR * size])
         before = low

@@ -32,6 +32,7 @@ from tensctl.synthesis.over_period import integral, ramped_cost
 from tensctl.synthesis.reduced import reduced
 from tensctl.synthesis.sensors import Reading, Sensors
 from tensctl.synthesis.shown import shown
+from tensctl.synthesis.small_gain import SmallGain, small_gain
 from tensctl.synthesis.stabilisable import LeftOut, controlled_part
 from tensctl.synthesis.truncation import Truncated
 from tensctl.synthesis.weights import Cost
@@ -125,6 +126,13 @@ class LQG:
         return float(gaps[so.linear_sum_assignment(gaps)].max() / np.abs(poles).max())
 
     @cached_property
+    def small_gain(self) -> SmallGain | None:
+        """What the difference to the controller of full order proves; None of full order."""
+        if self.reduction is None:
+            return None
+        return small_gain(self.plant, self.regulator.K, self.cost.R, self.estimator)
+
+    @cached_property
     def margins(self) -> tuple[DiskMargin, tuple[DiskMargin, ...]]:
         """Disk margins at the plant's inputs: of all at once, and of each alone."""
         return self.loop.sensitivity.margins()
@@ -138,6 +146,13 @@ class LQG:
     def expected_cost(self) -> float:
         """Cost rate (cost of a period when sampled) that noise keeps up: the square of the loop's H2 norm."""
         return self.loop.cost(self.covariance.X, self.period_cost)
+
+    def __str__(self) -> str:
+        """Its order, the slowest pole and, of a reduced one, what the reduction proves."""
+        size = f"{self.order} states" if self.reduction is None else f"{self.order} of {len(self.plant.A)} states"
+        ends = f"{len(self.plant.B.T)} inputs, {len(self.plant.C)} sensors"
+        said = f"LQG, {ends}, {size}; slowest pole {self.slowest:.3g} 1/s"
+        return said if self.small_gain is None else f"{said}; {self.small_gain}"
 
     def reset(self) -> None:
         """Forget the estimate: the structure is at its equilibrium."""

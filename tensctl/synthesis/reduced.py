@@ -4,8 +4,8 @@
 
 The estimator is stable even where the plant rings for ever. Its error matters as the closed loop excites it: in the
 loop without noise z follows the regulated plant, so the Gramian that weighs its states is that of (A - B K, B R^-1/2),
-and the one that weighs what they do is that of (A - L C, R^1/2 K). No gain bound is proven for weighted truncation; the
-loop of the reduced controller is computed instead.
+and the one that weighs what they do is that of (A - L C, R^1/2 K). No gain bound comes with weighted truncation: the
+loop of the reduced controller is computed, and `synthesis.small_gain` tells what its difference proves.
 """
 
 from __future__ import annotations
