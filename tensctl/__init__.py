@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from tensctl.accuracy import work_precision
+    from tensctl.accuracy import solver_precision, work_precision
     from tensctl.analysis import (
         HarmonicReport,
         ModalReport,
@@ -100,7 +100,7 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
-    "tensctl.accuracy": ("work_precision",),
+    "tensctl.accuracy": ("solver_precision", "work_precision"),
     "tensctl.analysis": (
         "HarmonicReport",
         "ModalReport",
@@ -287,6 +287,7 @@ __all__ = [
     "shell",
     "simulate",
     "simulate_many",
+    "solver_precision",
     "stability_orders",
     "survey",
     "truncate",

@@ -138,12 +138,12 @@ def survey(scene: SceneFile, /) -> None:
 
 @app.command
 def accuracy(scene: SceneFile, /, *, out: Out | None = None) -> None:
-    """Measure error against run time for the scene's own motion.
+    """Measure error against run time for the scene's own motion, and of solvers where it has [mpc].
 
     Parameters
     ----------
     out
-        Folder for accuracy.json and accuracy.svg; the table is printed in any case.
+        Folder for accuracy.json and accuracy.svg, solvers.json and solvers.svg; tables are printed in any case.
     """
     asked = _load(scene)
     from tensctl.accuracy import work_precision
@@ -154,6 +154,16 @@ def accuracy(scene: SceneFile, /, *, out: Out | None = None) -> None:
         from tensctl.report.plot_accuracy import write_accuracy
 
         write_accuracy(measured, out)
+    if asked.mpc is not None:
+        from tensctl.pipeline import measure_solvers
+
+        solvers = measure_solvers(asked)
+        print(f"\nsolvers of [mpc]\n{solvers.table()}")
+        if out is not None:
+            from tensctl.report.plot_solver_accuracy import write_solvers
+
+            write_solvers(solvers, out)
+    if out is not None:
         print(f"written: {out}")
 
 

@@ -35,6 +35,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         sanity=results.sanity,
         demand=results.demand,
         accuracy=results.accuracy,
+        solvers=results.solvers,
         limits=_limits(results),
         shape_error=results.shape_error,
         carried=results.carried,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from tensctl.accuracy import WorkPrecision
+    from tensctl.accuracy import SolverPrecision, WorkPrecision
     from tensctl.analysis import ModalReport, Study
     from tensctl.linear import Frame, LinearModel
     from tensctl.model import Dynamics
@@ -51,6 +51,8 @@ class Results:
         Of the predictive controller on this run.
     accuracy : WorkPrecision
         Error against run time of the scene's own motion.
+    solvers : SolverPrecision
+        Error against run time of solvers on the problems of its predictive controller.
     """
 
     scene: Scene
@@ -68,6 +70,7 @@ class Results:
     demand: ActuatorDemand | None = None
     certificate: Certificate | None = None
     accuracy: WorkPrecision | None = None
+    solvers: SolverPrecision | None = None
 
     @property
     def structure(self) -> Structure:

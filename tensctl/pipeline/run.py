@@ -12,11 +12,13 @@ from tensctl.errors import EquilibriumError, SceneError, SimulationError
 from tensctl.pipeline.clock import Clock
 from tensctl.pipeline.motion import demanded, is_driven, simulated
 from tensctl.pipeline.results import Results
+from tensctl.pipeline.solvers import solvers_measured
 from tensctl.pipeline.unfinished import Unfinished
 from tensctl.progress import Progress
 from tensctl.statics import Equilibrium, Stability, find_equilibrium
 
 if TYPE_CHECKING:
+    from tensctl.accuracy import SolverPrecision
     from tensctl.analysis import Study
     from tensctl.scene import Scene
     from tensctl.synthesis import LQG, LQR, MPC, SampledLQR
@@ -106,6 +108,22 @@ def design(scene: Scene) -> LQR | SampledLQR | LQG | MPC:
     return found
 
 
+def measure_solvers(scene: Scene) -> SolverPrecision:
+    """Error against run time of every solver for a scene's own predictive controller, and nothing else.
+
+    Raises
+    ------
+    SceneError
+        A scene without `[mpc]`.
+    """
+    if scene.mpc is None:
+        raise SceneError("the scene has no [mpc], so no solver is asked for anything; add the section.")
+    later = dict.fromkeys(("controllability", "lqr", "lqg", "sensors", "simulation", "accuracy", "report"))
+    found = solvers_measured(replace(_compute(scene.replaced(**later), Clock()), scene=scene), Clock()).solvers
+    assert found is not None
+    return found
+
+
 def _stores(scene: Scene) -> bool:
     return scene.simulation is not None and scene.simulation.store
 
@@ -128,6 +146,7 @@ def _compute(scene: Scene, clock: Clock) -> Results:
         (scene.target is not None or is_driven(scene), demanded),
         (scene.mpc is not None and _controller(scene) == "mpc", _certify),
         (scene.accuracy is not None, _measure),
+        (scene.accuracy is not None and scene.mpc is not None, solvers_measured),
     ):
         if asked:
             results = stage(results, clock)

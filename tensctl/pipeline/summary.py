@@ -35,6 +35,7 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "actuators": None if results.demand is None else record(results.demand),
         "sanity": None if results.sanity is None else _sanity(results.sanity),
         "accuracy": None if results.accuracy is None else results.accuracy.to_dict(),
+        "solvers": None if results.solvers is None else results.solvers.to_dict(),
         "seconds": {name: round(value, 4) for name, value in seconds.items()},
     }
     return {name: part for name, part in parts.items() if part is not None}

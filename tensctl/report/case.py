@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from tensctl.accuracy import WorkPrecision
+    from tensctl.accuracy import SolverPrecision, WorkPrecision
     from tensctl.analysis import ModalReport, Study
     from tensctl.linear import LinearModel
     from tensctl.model import Term
@@ -121,7 +121,7 @@ class Case:
         What is built.
     scene_toml : str, optional
         The scene with every default visible.
-    equilibrium, linear, controllability, lqr, lqg, path, survey, run, sanity, demand, accuracy
+    equilibrium, linear, controllability, lqr, lqg, path, survey, run, sanity, demand, accuracy, solvers
         Results of the other rooms, read by attribute only: nothing of those rooms is loaded.
     limits : Limits, optional
         Drawn into the plots of the run.
@@ -157,6 +157,7 @@ class Case:
     sanity: Sanity | None = None
     demand: ActuatorDemand | None = None
     accuracy: WorkPrecision | None = None
+    solvers: SolverPrecision | None = None
     limits: Limits | None = None
     shape_error: np.ndarray | None = None
     carried: tuple[float, float] | None = None

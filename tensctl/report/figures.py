@@ -13,6 +13,7 @@ from tensctl.report import (
     plot_poles,
     plot_sanity,
     plot_solver,
+    plot_solver_accuracy,
     plot_time,
 )
 from tensctl.report.animation import Motion
@@ -52,6 +53,7 @@ class Figures:
     compressions: Plot | None
     slack: Plot | None
     accuracy: Plot | None
+    solvers: Plot | None
 
 
 def draw_figures(case: Case, motion: Motion) -> Figures:
@@ -83,6 +85,7 @@ def draw_figures(case: Case, motion: Motion) -> Figures:
         compressions=plot_sanity.compressions(case),
         slack=plot_sanity.slack(case),
         accuracy=plot_accuracy.errors(case.accuracy),
+        solvers=plot_solver_accuracy.solver_errors(case.solvers),
     )
 
 

@@ -33,6 +33,7 @@ SECTIONS = (
     Section("actuators", "Actuators", lambda case: case.demand is not None),
     Section("sanity", "Sanity", lambda case: case.sanity is not None),
     Section("accuracy", "Accuracy", lambda case: case.accuracy is not None),
+    Section("solvers", "Solvers", lambda case: case.solvers is not None),
     Section("modes", "Modes", lambda case: case.linear is not None and len(case.linear.modes) > 0),
     Section("controllability", "Controllability", lambda case: case.controllability is not None),
     Section("certificates", "Controllers", _certified),

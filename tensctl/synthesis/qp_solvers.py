@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from tensctl.synthesis.condensed import Condensed
@@ -49,7 +51,7 @@ def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None =
         solver by default.
     """
     rest = relax(_blank(problem), problem.horizon) if soft else _blank(problem)
-    asked = {} if tol is None else {"tol": tol}
+    asked: dict[str, Any] = {} if tol is None else {"tol": tol}
     if name in ("piqp", "clarabel"):
         from tensctl.synthesis.qp_stages import Stages
 
