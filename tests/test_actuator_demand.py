@@ -118,6 +118,18 @@ class TestEnergy:
             assert abs(demand.balance) < 0.1 * demand.work_error.sum()
             demand.verify(1e-12)
 
+    @pytest.mark.parametrize("stiffness", [1e4, 1e8])
+    def test_stiff_tendons(self, stiffness):
+        """Micrometres of work at 20 N: what is left of the balance is the run's own error of place times force."""
+        tendons = {"stiffness": stiffness, "rest_ratio": 1 - 20 / stiffness}
+        scene = shell_scene(pins=["P1_*_1"], tendons=tendons)
+        dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
+        plan = tc.Schedule("t5_1_1", [0.0, 0.1], [0.0, 5 / stiffness])
+        run = tc.simulate(dynamics, rest, schedule=[plan], timepts=np.linspace(0, 0.1, 501))
+        found = tc.actuator_demand(run, dynamics)
+        assert found.energy_error < 1e-7
+        found.verify()
+
     def test_corners_between_times(self, mast):
         """Recorded past the controller's samples the order is lost, and the error is still less than it says."""
         dynamics, rest = mast

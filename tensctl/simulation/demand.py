@@ -62,6 +62,8 @@ class ActuatorDemand:
         Largest tension over `actuators.force_max` among the tendons of each motor; 0 where there is no limit.
     energy_change : float, J
         Of the structure, from first to last time.
+    energy_error : float, J
+        What lengths off by 1e-10 of themselves make of energies, the default tolerance of a run.
     closed : bool
         Whether nothing but actuators does work: no damper, no drag, no push, no feedback that a path leaves to others.
     """
@@ -77,6 +79,7 @@ class ActuatorDemand:
     work_error: Float[np.ndarray, " nu"]
     load: Peak
     energy_change: float
+    energy_error: float
     closed: bool
 
     @cached_property
@@ -143,9 +146,9 @@ class ActuatorDemand:
         )
 
     def allowed(self, tol: float = 1e-6) -> float:
-        """Largest imbalance of energy that counts as none, J: a part of the work in both directions, and sampling."""
+        """Largest imbalance of energy that counts as none, J: a part of the work in both directions, and its errors."""
         both_ways = float((self.work.positive - self.work.regenerated).sum())
-        return tol * both_ways + float(self.work_error.sum())
+        return tol * both_ways + float(self.work_error.sum()) + self.energy_error
 
     def verify(self, tol: float = 1e-6) -> None:
         """Check the balance of energy, where nothing but actuators does work.
@@ -153,7 +156,7 @@ class ActuatorDemand:
         Parameters
         ----------
         tol : float
-            Over the work in both directions; the error of sampling is allowed for beside it.
+            Over the work in both directions; errors of sampling and of the run are allowed for beside it.
 
         Raises
         ------

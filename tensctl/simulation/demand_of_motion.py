@@ -22,6 +22,8 @@ from tensctl.synthesis import ShapePath
 
 # Times at which a path is looked at: work is then good to 1e-7 of itself, and peaks to 1e-5.
 _TIMES = 1001
+# Part of themselves by which lengths may be off: the tolerance that a run has by default.
+_OFF = 1e-10
 
 
 def actuator_demand(
@@ -53,7 +55,7 @@ def actuator_demand(
     change = energy_at(dynamics, motion, -1) - energy_at(dynamics, motion, 0)
     closed = not (dynamics.damped or pushes)
     pull = pull_of_run(dynamics, motion)
-    return _demand("run", dynamics.members, pull, motion.tensions, change, closed)
+    return _demand("run", dynamics.members, pull, motion.tensions, motion.lengths, change, closed)
 
 
 def _of_path(path: ShapePath, inertia: bool) -> ActuatorDemand:
@@ -61,13 +63,15 @@ def _of_path(path: ShapePath, inertia: bool) -> ActuatorDemand:
     tensions = path.tensions_at(time) if inertia else path.balanced_tensions_at(time)
     inputs = path.inputs_at(time) if inertia else path.balanced_inputs_at(time)
     pull = pull_of_tensions(members, time, inputs, tensions)
+    lengths = path.equilibria[0].lengths
     change = path.target.energy - path.equilibria[0].energy
-    return _demand("path" if inertia else "slow path", members, pull, tensions, change, not inertia)
+    return _demand("path" if inertia else "slow path", members, pull, tensions, lengths, change, not inertia)
 
 
 def _demand(
-    of: Kind, members: Members, pull: Pull, tensions: np.ndarray, energy_change: float, closed: bool
-) -> ActuatorDemand:
+    of: Kind, members: Members, pull: Pull, tensions: np.ndarray, lengths: np.ndarray, energy_change: float,
+    closed: bool,
+) -> ActuatorDemand:  # fmt: skip
     labels, motor = members.gearing.labels, members.gearing.motor
     if not labels:
         raise SimulationError("no tendon has an actuator that moves anything, so nothing is asked of any.")
@@ -88,5 +92,6 @@ def _demand(
         work_error=pull.error,
         load=Peak(shares.max(axis=0), pull.time[shares.argmax(axis=0)]),
         energy_change=energy_change,
+        energy_error=_OFF * float((tensions * lengths).sum(axis=1).max()),
         closed=closed,
     )
