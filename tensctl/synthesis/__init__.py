@@ -11,6 +11,7 @@ from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.mpc import MPC, StepRecord
 from tensctl.synthesis.mpc_output import OutputMPC
 from tensctl.synthesis.mpc_weights import Weights
+from tensctl.synthesis.nonlinear_mpc import NonlinearMPC, NonlinearRecord
 from tensctl.synthesis.pace import too_quick
 from tensctl.synthesis.path import ShapePath
 from tensctl.synthesis.plan import plan_shape
@@ -36,6 +37,8 @@ __all__ = [
     "HarmonicSampledLQR",
     "LeftOut",
     "Linear",
+    "NonlinearMPC",
+    "NonlinearRecord",
     "OutputMPC",
     "PathSurvey",
     "Reading",

@@ -107,7 +107,7 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights, *, 
     sampled = sample_ramped(linear.A, linear.B, dt)
     A, B = sampled.with_input_state()
     Q, R = stage_weights(linear, dt, weights)
-    terminal = _terminal(A, B, Q, R, weights)
+    terminal = terminal_weight(A, B, Q, R, weights)
     tension, tendons, side = _tension(linear)
     free, forced = _predict(A, B, horizon)
     stages = _by_stage(Q, terminal.X, horizon)
@@ -144,7 +144,7 @@ def stage_weights(linear: LinearModel, dt: float, weights: Weights) -> tuple[np.
     return Q, dt * weights.of_inputs(linear)
 
 
-def _terminal(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, weights: Weights) -> Riccati:
+def terminal_weight(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, weights: Weights) -> Riccati:
     """The terminal weight; without a weight of energy, modes that no output shows would swing for ever."""
     if weights.energy > 0:
         return dare(A, B, Q, R)

@@ -1,0 +1,263 @@
+"""Nonlinear predictive control by real-time iteration: the plan is rolled out on the structure itself, every step anew.
+
+    shift the last plan -> roll it out from the measured state -> linearise along the rollout -> one QP -> command
+
+The rollout is that of the nonlinear structure, with exact rods and slack tendons that carry nothing
+(`synthesis.rollout`); the QP is that of `synthesis.nonlinear_problem`. Near a reference equilibrium the command is that
+of `tc.MPC` up to the square of the deviation; far from it no linear model of one place is asked. With `iterations` > 1
+a step repeats roll-out and QP, up to the optimum of the nonlinear problem.
+
+Hard limits hold always. Tension floors that cannot all be kept give way by as little as possible, and the step says by
+how much. Without an acceptable answer the shifted plan goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from time import perf_counter
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+from tensctl.linear import linearize
+from tensctl.model import Dynamics
+from tensctl.scene import MpcStage
+from tensctl.statics import Equilibrium
+from tensctl.synthesis.feedback import Measured
+from tensctl.synthesis.mpc import StepRecord
+from tensctl.synthesis.mpc_weights import Weights
+from tensctl.synthesis.nonlinear_problem import Bounds, Measure, gauss_newton
+from tensctl.synthesis.qp import QP, Solution
+from tensctl.synthesis.qp_daqp import QUICK
+from tensctl.synthesis.qp_dense import solve_dense
+from tensctl.synthesis.qp_lazy import PATIENT, solve_lazily
+from tensctl.synthesis.reference import Hold, Reference
+from tensctl.synthesis.relaxed import relax
+from tensctl.synthesis.rollout import rolling
+from tensctl.synthesis.sampling_limit import below_sampling_limit
+from tensctl.synthesis.seen import known_inputs, seen
+from tensctl.threads import one_blas_thread
+
+# An answer whose KKT residual is larger is refused.
+_ACCEPT = 1e-6
+# A shortfall below this, N, is none.
+_KEPT = 1e-9
+
+
+@dataclass(frozen=True)
+class NonlinearRecord(StepRecord):
+    """What happened at one step of nonlinear MPC.
+
+    Attributes
+    ----------
+    change : float, m
+        Largest change of the plan by the step's last iteration: how far it is from converged.
+    """
+
+    change: float = 0.0
+
+
+class NonlinearMPC:
+    """Predictive controller on the nonlinear structure; `step` gives the total rest-length change u, m.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+        Of rods that share no node.
+    reference : Equilibrium or Reference
+        What to hold, or a path to follow.
+    horizon, dt, tension_min, rate_max, weights
+        As `tc.MPC` has them.
+    iterations : int
+        Roll-outs and QPs a step; 1 is the real-time iteration.
+
+    Raises
+    ------
+    SceneError
+        A setting that `[mpc]` of a scene would refuse.
+    SynthesisError
+        Joints or guides, no input, a mode beyond the Nyquist frequency, a motion too fast for the period, or no
+        solution of the terminal Riccati equation.
+    """
+
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        reference: Equilibrium | Reference,
+        *,
+        horizon: int = 20,
+        dt: float = 0.02,
+        tension_min: float = 0.1,
+        rate_max: float = 0.5,
+        weights: Weights | None = None,
+        iterations: int = 1,
+    ) -> None:
+        asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max)
+        if not np.isfinite(tension_min):
+            raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
+        if int(iterations) != iterations or iterations < 1:
+            raise SynthesisError(f"iterations is {iterations}; a whole number, at least 1, is expected.")
+        if not dynamics.members.gearing.size:
+            raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
+        self.dynamics, self.iterations = dynamics, int(iterations)
+        self.horizon, self.dt = asked.horizon, asked.dt
+        self.tension_min, self.rate_max = float(tension_min), asked.rate_max
+        self.weights = Weights() if weights is None else weights
+        self.reference: Reference = Hold(reference) if isinstance(reference, Equilibrium) else reference
+        self._roll = rolling(dynamics, asked.dt)
+        self._measures: dict[int, Measure] = {}
+        self._plan: np.ndarray | None = None
+        self.records: list[NonlinearRecord] = []
+        for knot in range(len(self.reference.equilibria)):
+            self._measure(knot)
+
+    def reset(self) -> None:
+        """Forget the last plan and the records."""
+        self._plan = None
+        self.records = []
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that later steps depend on: the last plan (N, nu) m; nothing before the first."""
+        return {} if self._plan is None else {"plan": self._plan}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from the last plan; records begin anew."""
+        self.reset()
+        self._plan = state.get("plan")
+
+    @one_blas_thread()
+    def step(self, t: float, measurement: Measured | None) -> Float[np.ndarray, " nu"]:
+        """Total rest-length change u from L0 to be reached at t + dt, m; hard limits always hold.
+
+        A measurement that is None, holds NaN or fits no structure tells nothing: the last plan goes on, and before the
+        first rest lengths stay.
+        """
+        began, status = perf_counter(), "fallback"
+        now = self._inputs_now(t, measurement)
+        look = seen(self.dynamics.structure, measurement, now)
+        if look is None:
+            return self._no_measurement(t, now, began)
+        plan, ahead, kkt, relaxed, change = self._shifted(t, now), self._ahead(t), np.nan, 0.0, 0.0
+        for _ in range(self.iterations):
+            qp = self.statement(t, look, plan)
+            found = self._solve(qp) if np.isfinite(qp.f).all() else None
+            if found is None:
+                break
+            z, status, kkt = found
+            relaxed = self._shortfall(qp, z)
+            better = self._kept(z.reshape(plan.shape) + ahead, now)
+            plan, change = better, float(np.abs(better - plan).max())
+        if relaxed <= _KEPT:
+            status, relaxed = status.removesuffix(" relaxed"), 0.0
+        self._plan = plan
+        self.records.append(NonlinearRecord(t, status, perf_counter() - began, kkt, relaxed, change))
+        return plan[0]
+
+    def _inputs_now(self, t: float, measurement: Measured | None) -> np.ndarray:
+        """Inputs as measured; where they were not, those of the last command."""
+        believed = self.reference.inputs_at(t) if self._plan is None else self._plan[0]
+        return known_inputs(None if measurement is None else measurement.inputs, believed)
+
+    def _no_measurement(self, t: float, now: np.ndarray, began: float) -> np.ndarray:
+        """The last plan's next command; before there is a plan, rest lengths as they are."""
+        plan = np.tile(now, (self.horizon, 1)) if self._plan is None else np.vstack([self._plan[1:], self._plan[-1:]])
+        self._plan = self._kept(plan, now)
+        self.records.append(NonlinearRecord(t, "no measurement", perf_counter() - began, np.nan, 0.0))
+        return self._plan[0]
+
+    def statement(self, t: float, measurement: Measured, plan: Float[np.ndarray, "N nu"]) -> QP:
+        """The QP about a plan of total inputs, m; its variables are deviations from the reference."""
+        rollout = self._roll(measurement.nodes, measurement.velocities, measurement.inputs, plan)
+        measure, ahead = self._measure(self.reference.knot_at(t)), self._ahead(t)
+        bounds = self._bounds(t, measurement.inputs)
+        return gauss_newton(measure, self._wanted(t, measure), rollout, plan - ahead, bounds)
+
+    def _wanted(self, t: float, measure: Measure) -> Float[np.ndarray, "N nx"]:
+        """States of the reference at the ends of the coming periods."""
+        asked = self.reference
+        if isinstance(asked, Hold):
+            return np.zeros((self.horizon, len(measure.linear.states)))
+        return np.array([measure.linear.state_of(asked.nodes_at(s), asked.velocities_at(s)) for s in self._times(t)])
+
+    def _bounds(self, t: float, now: np.ndarray) -> Bounds:
+        members, ahead = self.dynamics.members, self._ahead(t)
+        lower, upper = members.input_bounds
+        moving = np.diff(np.vstack([now, ahead]), axis=0)
+        tendons, side = self._limited
+        limit = np.where(side > 0, self.tension_min, members.force_max[tendons]) / self._scale
+        return Bounds(lower - ahead, upper - ahead, -self._reach - moving, self._reach - moving, tendons, side, limit)
+
+    def _solve(self, qp: QP) -> tuple[np.ndarray, str, float] | None:
+        """Plan, status and KKT residual of the first answer that is good enough."""
+        for status, found in self._answers(qp):
+            if found.z is not None and found.kkt <= _ACCEPT:
+                return found.z[: qp.f.size], status, found.kkt
+        return None
+
+    def _answers(self, qp: QP) -> Iterator[tuple[str, Solution]]:
+        """Answers in turn: with all floors, then with floors that give way."""
+        yield "daqp", solve_lazily(qp, QUICK)
+        soft, slacks = relax(qp, self.horizon), qp.f.size + np.arange(self.horizon)
+        yield "daqp relaxed", solve_lazily(soft, PATIENT, slacks)
+        yield "piqp relaxed", solve_dense(soft)
+        yield "daqp relaxed", solve_lazily(soft, first=slacks)
+
+    def _shortfall(self, qp: QP, z: np.ndarray) -> float:
+        """Largest tension by which the linearised plan passes a limit, N."""
+        n, count = z.size, qp.A.shape[0] - z.size
+        beyond = (qp.lower[n : n + count] - qp.A[:count] @ z).reshape(self.horizon, -1) * self._scale
+        return float(beyond.max(initial=0.0))
+
+    @cached_property
+    def _scale(self) -> Float[np.ndarray, " nT"]:
+        """Newtons that a metre of each bounded tendon stands for."""
+        members = self.dynamics.members
+        return (members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths)[self._limited[0]]
+
+    def _shifted(self, t: float, now: np.ndarray) -> np.ndarray:
+        """The last plan a period later, its last deviation held; the reference's own inputs before there is one."""
+        ahead = self._ahead(t)
+        if self._plan is None:
+            return self._kept(ahead, now)
+        return self._kept(np.vstack([self._plan[1:], self._plan[-1] + ahead[-1] - ahead[-2]]), now)
+
+    def _kept(self, plan: np.ndarray, now: np.ndarray) -> np.ndarray:
+        """The plan within rate and rest-length limits, to the last bit."""
+        kept, bounds = np.empty_like(plan), self.dynamics.members.input_bounds
+        for k, u in enumerate(plan):
+            now = kept[k] = np.clip(np.clip(u, now - self._reach, now + self._reach), *bounds)
+        return kept
+
+    @cached_property
+    def _reach(self) -> Float[np.ndarray, " nu"]:
+        """How far each input may go in a period, m: its fastest tendon keeps the rate limit."""
+        return self.rate_max * self.dt / self.dynamics.members.gearing.largest
+
+    @cached_property
+    def _limited(self) -> tuple[np.ndarray, np.ndarray]:
+        """Tendons whose tension is bounded, and 1 for a floor or -1 for a stall limit.
+
+        A floor have those that every planned equilibrium keeps taut, but for those between pins.
+        """
+        tensions = np.array([e.tensions for e in self.reference.equilibria])
+        floored = np.flatnonzero((tensions > 0).all(axis=0) & ~self.dynamics.structure.grounded_tendons)
+        stalling = floored[np.isfinite(self.dynamics.members.force_max[floored])]
+        return np.concatenate([floored, stalling]), np.repeat([1.0, -1.0], [floored.size, stalling.size])
+
+    def _times(self, t: float) -> np.ndarray:
+        return t + self.dt * np.arange(1, self.horizon + 1)
+
+    def _ahead(self, t: float) -> Float[np.ndarray, "N nu"]:
+        """Reference inputs at the ends of the coming periods."""
+        return self.reference.inputs_at(self._times(t))
+
+    def _measure(self, knot: int) -> Measure:
+        """What deviations cost near a planned equilibrium."""
+        if knot not in self._measures:
+            linear = linearize(self.dynamics, self.reference.equilibria[knot], outputs=()).flexible
+            linear = below_sampling_limit(linear, self.dt, "refuse")
+            self._measures[knot] = Measure.of(linear, self.dt, self.weights)
+        return self._measures[knot]

@@ -1,0 +1,117 @@
+"""The QP of one step of nonlinear MPC: the cost and the limits, linearised where a plan leads.
+
+With v the inputs' deviation from the reference over the horizon, v* that of the plan, and e(v) the state's deviation
+from the reference in energy coordinates, as the nonlinear structure answers,
+
+    cost    sum e_k'Q e_k + v_k'R v_k + (e, v)_N' P (e, v)_N,    e_k(v) = e_k(v*) + S_k (v - v*)        (Gauss-Newton)
+    hard    lower <= v <= upper,  |change of the total input| <= rate_max dt
+    soft    force_max >= T >= tension_min,  T over the stiffness = stretch_k(v*) + s_k (v - v*),  at the ends of periods
+
+A tendon that is slack where the plan leads keeps its row: its stretch is negative there, and s_k says how it gets taut.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.linear import LinearModel, sample_ramped
+from tensctl.linear.state_slopes import states_and_slopes
+from tensctl.synthesis.condensed import stage_weights, terminal_weight
+from tensctl.synthesis.mpc_weights import Weights
+from tensctl.synthesis.qp import QP
+from tensctl.synthesis.rollout import Rollout
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """What a deviation costs near one planned equilibrium.
+
+    Attributes
+    ----------
+    linear : LinearModel
+        The flexible model there: its energy coordinates measure the state.
+    Q, R : weights of a stage
+    P : (nx + nu, nx + nu)
+        Solution of the discrete Riccati equation of the linear model: cost beyond the horizon.
+    """
+
+    linear: LinearModel
+    Q: Float[np.ndarray, "n n"]
+    R: Float[np.ndarray, "nu nu"]
+    P: Float[np.ndarray, "n n"]
+
+    @classmethod
+    def of(cls, linear: LinearModel, dt: float, weights: Weights) -> Measure:
+        """The measure at a linear model's equilibrium."""
+        A, B = sample_ramped(linear.A, linear.B, dt).with_input_state()
+        Q, R = stage_weights(linear, dt, weights)
+        return cls(linear, Q, R, terminal_weight(A, B, Q, R, weights).X)
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Limits of the inputs' deviations, and those of tensions over the stiffness.
+
+    Attributes
+    ----------
+    lower, upper : (N, nu) m
+    change_lower, change_upper : (N, nu) m
+        Of v_k - v_(k-1), in the first period of v_0.
+    tendons : (nT,) int
+        Whose tension each row bounds.
+    side : (nT,)
+        1 for floors, -1 for stall limits, which are turned about.
+    limit : (nT,) m
+    """
+
+    lower: Float[np.ndarray, "N nu"]
+    upper: Float[np.ndarray, "N nu"]
+    change_lower: Float[np.ndarray, "N nu"]
+    change_upper: Float[np.ndarray, "N nu"]
+    tendons: np.ndarray
+    side: Float[np.ndarray, " nT"]
+    limit: Float[np.ndarray, " nT"]
+
+
+def gauss_newton(
+    measure: Measure,
+    wanted: Float[np.ndarray, "N nx"],
+    rollout: Rollout,
+    plan: Float[np.ndarray, "N nu"],
+    bounds: Bounds,
+) -> QP:
+    """The QP in v about a plan.
+
+    Parameters
+    ----------
+    measure : Measure
+    wanted : (N, nx)
+        States of the reference at the ends of the periods.
+    rollout : Rollout
+        Of the plan.
+    plan : (N, nu) m
+        Deviations from the reference.
+    bounds : Bounds
+    """
+    (stages, nu), z = plan.shape, plan.ravel()
+    H, f = np.kron(np.eye(stages), measure.R), np.zeros(z.size)
+    states, slopes = states_and_slopes(measure.linear, rollout.nodes, rollout.velocities)
+    weighs_inputs = bool(measure.Q[states.shape[1] :].any())
+    for k in range(stages):
+        count, last = (k + 1) * nu, k == stages - 1
+        by_inputs = rollout.by_inputs[k].reshape(slopes.shape[2], -1)[:, :count]
+        e, S = states[k] - wanted[k], slopes[k] @ by_inputs
+        if last or weighs_inputs:
+            e, S = np.append(e, plan[k]), np.vstack([S, np.eye(nu, count, count - nu)])
+        pull = S.T @ (measure.P if last else measure.Q[: e.size, : e.size])
+        H[:count, :count] += pull @ S
+        f[:count] += pull @ (e - S @ z[:count])
+    rows = (bounds.side[:, None] * rollout.stretch_by_inputs[:, bounds.tendons]).reshape(-1, z.size)
+    floors = (bounds.side * (bounds.limit - rollout.stretches[:, bounds.tendons])).ravel() + rows @ z
+    change = np.kron(np.eye(stages) - np.eye(stages, k=-1), np.eye(nu))
+    lower = [bounds.lower.ravel(), floors, bounds.change_lower.ravel()]
+    upper = [bounds.upper.ravel(), np.full(floors.size, np.inf), bounds.change_upper.ravel()]
+    return QP(0.5 * (H + H.T), f, np.vstack([rows, change]), np.concatenate(lower), np.concatenate(upper))

@@ -1,0 +1,190 @@
+"""A plan rolled out on the nonlinear structure, with the exact derivative of every state by every input of the plan.
+
+    q'' = a(q, q', L(t)),   L(t) = L0 - G u(t),   u(t) straight from u_k to u_(k+1) within a period
+
+Classical Runge-Kutta steps of equal length, rods put back to their lengths after each; the columns that go along are
+the derivative of these very steps, not of the motion that they approximate. Slack tendons carry nothing at any stage.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+from tensctl.jit import jit
+from tensctl.model import Dynamics
+from tensctl.model.kernel_columns import (
+    acceleration_columns,
+    column_room,
+    place_columns,
+    stretch_columns,
+    tidy_columns,
+)
+
+# Phase of the fastest frequency in one step, rad: the error of a step is its fifth power over 120, 6e-4 of the fastest
+# mode's motion, and falls with the fourth power of the step.
+_PHASE = 0.6
+# Most steps of a period; more are a sign of a period too long for the structure, or of stiff dampers.
+_MOST = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """The structure at the end of every period ahead, and derivatives by the inputs z of the plan, (N nu,).
+
+    Attributes
+    ----------
+    nodes, velocities : (N, K, 3) m, m/s
+    stretches : (N, nt) m
+        Tension over stiffness as it would be were the tendon taut; negative when slack.
+    by_inputs : (N, 2, K, 3, N nu)
+        Derivatives of nodes and of velocities (1/s).
+    stretch_by_inputs : (N, nt, N nu)
+    """
+
+    nodes: Float[np.ndarray, "N K 3"]
+    velocities: Float[np.ndarray, "N K 3"]
+    stretches: Float[np.ndarray, "N nt"]
+    by_inputs: Float[np.ndarray, "N 2 K 3 z"]
+    stretch_by_inputs: Float[np.ndarray, "N nt z"]
+
+
+@dataclass(frozen=True, eq=False)
+class Rolling:
+    """Rolls plans of one structure out.
+
+    Attributes
+    ----------
+    dynamics : Dynamics
+    dt : float, s
+        Period.
+    steps : int
+        Steps of a period.
+    """
+
+    dynamics: Dynamics
+    dt: float
+    steps: int
+
+    @cached_property
+    def _gear(self) -> Float[np.ndarray, "nt nu"]:
+        """Shortening of every tendon by every input."""
+        members = self.dynamics.members
+        gear = np.zeros((members.rest_lengths.size, members.gearing.size))
+        gear[members.inputs] = members.gearing.matrix.toarray()
+        return gear
+
+    def __call__(
+        self,
+        nodes: Float[np.ndarray, "K 3"],
+        velocities: Float[np.ndarray, "K 3"],
+        now: Float[np.ndarray, " nu"],
+        plan: Float[np.ndarray, "N nu"],
+        *,
+        columns: bool = True,
+    ) -> Rollout:
+        """Roll a plan (m, total changes at the ends of periods) out from a state and the inputs as they are now."""
+        dynamics, (periods, nu) = self.dynamics, plan.shape
+        rest = np.array([dynamics.members.shortened(u) for u in (now, *plan)])
+        q, v = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities)
+        width = periods * nu if columns else 0
+        room = column_room(dynamics.kernel, width)
+        size, nt = room.place.size, rest.shape[1]
+        states, changes = np.zeros((periods, 2, size)), np.zeros((periods, 2, size, width))
+        stretch, stretches = np.zeros((periods, nt)), np.zeros((periods, nt, width))
+        load = dynamics.layout.spread(dynamics.members.forces).ravel()
+        work = tuple(np.zeros((*q.shape, width)) for _ in range(7))
+        _roll(
+            dynamics.kernel, q, v, rest, dynamics.members.rest_lengths, self._gear[:, : nu if columns else 0],
+            self.dt / self.steps, self.steps, load, room, work, states, changes, stretch, stretches,
+        )  # fmt: skip
+        shape = (periods, 2, size // 3, 3)
+        states = states.reshape(shape)
+        return Rollout(states[:, 0], states[:, 1], stretch, changes.reshape(*shape, width), stretches)
+
+
+def rolling(dynamics: Dynamics, dt: float) -> Rolling:
+    """Make ready to roll plans out, in steps that follow the structure's fastest frequency and decay.
+
+    Raises
+    ------
+    SynthesisError
+        Joints, guides or a period too long for the fastest motion.
+    """
+    if dynamics.tied:
+        raise SynthesisError(
+            "rods that share nodes or slide along guides are not rolled out by NonlinearMPC; use tc.MPC, which is."
+        )
+    fastest = max(dynamics.fastest_rate, dynamics.fastest_decay if dynamics.damped else 0.0)
+    steps = int(np.ceil(max(fastest * dt / _PHASE, 1.0)))
+    if steps > _MOST:
+        raise SynthesisError(
+            f"a period of {dt:g} s takes {steps} steps of the fastest motion, {fastest:.3g} 1/s; at most {_MOST} are "
+            f"expected, so take dt below {_MOST * _PHASE / fastest:.2g} s."
+        )
+    return Rolling(dynamics, dt, steps)
+
+
+@jit
+def _roll(data, q, v, rest, natural, gear, h, steps, load, room, work, states, changes, stretch, stretches):
+    """Move q and v through all periods; fill nodes, stretches and their columns at the end of each."""
+    nu, width = gear.shape[1], changes.shape[3]
+    dq, dv, dq_sum, dv_sum, dq_at, dv_at, da = work
+    a, dL, length = np.zeros_like(q), np.zeros((gear.shape[0], width)), np.empty(gear.shape[0])
+    for k in range(states.shape[0]):
+        count, begins = (k + 1) * nu, max(0, (k - 1) * nu)
+        for n in range(steps):
+            q_sum, v_sum, q_at, v_at = q.copy(), v.copy(), q.copy(), v.copy()
+            _copy(dq, dq_sum, count)
+            _copy(dv, dv_sum, count)
+            _copy(dq, dq_at, count)
+            _copy(dv, dv_at, count)
+            for stage in range(4):
+                part = (n + (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)) / steps
+                _rest_at(rest, gear, k, part, nu, begins, length, dL)
+                acceleration_columns(data, q_at, v_at, length, load, dq_at, dv_at, dL, begins, count, room, a, da)
+                weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
+                ahead = h if stage == 2 else 0.5 * h
+                for r in range(q.shape[0]):
+                    for i in range(6):
+                        q_sum[r, i] += weight * v_at[r, i]
+                        v_sum[r, i] += weight * a[r, i]
+                        q_at[r, i], v_at[r, i] = q[r, i] + ahead * v_at[r, i], v[r, i] + ahead * a[r, i]
+                        for c in range(count):
+                            dq_sum[r, i, c] += weight * dv_at[r, i, c]
+                            dv_sum[r, i, c] += weight * da[r, i, c]
+                            dq_at[r, i, c] = dq[r, i, c] + ahead * dv_at[r, i, c]
+                            dv_at[r, i, c] = dv[r, i, c] + ahead * da[r, i, c]
+            q[:], v[:] = q_sum, v_sum
+            _copy(dq_sum, dq, count)
+            _copy(dv_sum, dv, count)
+            tidy_columns(data, q, v, dq, dv, count)
+        place_columns(data, q, dq, count, room.place, room.places)
+        place_columns(data, v, dv, count, room.speed, room.speeds)
+        _rest_at(rest, gear, k, 1.0, nu, begins, length, dL)
+        stretch_columns(data, length, natural, dL, begins, count, room, stretch[k], stretches[k])
+        states[k, 0], states[k, 1] = room.place, room.speed
+        changes[k, 0, :, :count], changes[k, 1, :, :count] = room.places[:, :count], room.speeds[:, :count]
+
+
+@jit
+def _copy(source, target, count):
+    for r in range(source.shape[0]):
+        for i in range(source.shape[1]):
+            for c in range(count):
+                target[r, i, c] = source[r, i, c]
+
+
+@jit
+def _rest_at(rest, gear, k, part, nu, begins, length, dL):
+    """Fill the rest lengths some part into a period and their columns, those of the inputs at its two ends."""
+    for t in range(length.size):
+        length[t] = (1.0 - part) * rest[k, t] + part * rest[k + 1, t]
+        for j in range(nu):
+            if k > 0:
+                dL[t, begins + j] = -(1.0 - part) * gear[t, j]
+            dL[t, k * nu + j] = -part * gear[t, j]
