@@ -161,7 +161,19 @@ class JointedManifold:
         self, nodes: Float[np.ndarray, "nodes 3"], step: Float[np.ndarray, " size"]
     ) -> Float[np.ndarray, "nodes 3"]:
         """Nodes after a step, with exact rod lengths, closed joints and kept guides."""
-        ends = self.ends.retract(nodes[self.end_node], self.basis(nodes) @ step)
+        return self.tied(nodes, self.basis(nodes) @ step)
+
+    def untied(
+        self, reference: Float[np.ndarray, "nodes 3"], nodes: Float[np.ndarray, "nodes 3"]
+    ) -> Float[np.ndarray, " coordinates"]:
+        """Chart of nodes about a reference by the rods' own coordinates, as if nothing tied them; `tied` goes back."""
+        return self.ends.logarithm(reference[self.end_node], nodes[self.end_node])
+
+    def tied(
+        self, nodes: Float[np.ndarray, "nodes 3"], step: Float[np.ndarray, " coordinates"]
+    ) -> Float[np.ndarray, "nodes 3"]:
+        """Nodes after a step of the rods' own coordinates, brought back to closed joints and kept guides."""
+        ends = self.ends.retract(nodes[self.end_node], step)
         root, size, before = np.sqrt(self.weights), np.ptp(self.anchor, axis=0).max(), np.inf
         for _ in range(_CLOSINGS):
             gap = self._matrix @ ends.ravel() - self.target

@@ -192,6 +192,18 @@ class RodManifold:
         tau = (self.lever * stretch)[:, None] * across
         return self._coordinates(reference, self._base(nodes) - self._base(reference), tau)
 
+    def untied(
+        self, reference: Float[np.ndarray, "nodes 3"], nodes: Float[np.ndarray, "nodes 3"]
+    ) -> Float[np.ndarray, " size"]:
+        """The same as `logarithm`: nothing ties these rods."""
+        return self.logarithm(reference, nodes)
+
+    def tied(
+        self, nodes: Float[np.ndarray, "nodes 3"], step: Float[np.ndarray, " size"]
+    ) -> Float[np.ndarray, "nodes 3"]:
+        """The same as `retract`."""
+        return self.retract(nodes, step)
+
     def velocity(
         self,
         reference: Float[np.ndarray, "nodes 3"],

@@ -12,6 +12,8 @@ from tensctl.synthesis.path import ShapePath
 # Moments of a leg that are looked at, and the largest factor on its duration that is worth telling.
 _MOMENTS = 201
 _LONGEST = 1e3
+# Room below this part of the largest tension is none.
+_NONE = 1e-6
 
 
 def too_quick(path: ShapePath, tension_min: float) -> str | None:
@@ -21,10 +23,11 @@ def too_quick(path: ShapePath, tension_min: float) -> str | None:
     for leg in path.legs:
         t = leg.start + leg.duration * np.linspace(0, 1, _MOMENTS)
         rest, moving = path.balanced_tensions_at(t)[:, kept], path.tensions_at(t)[:, kept]
-        room = np.maximum(rest - tension_min, 1e-9 * rest.max(initial=1e-300))
-        factor = np.sqrt(np.max((rest - moving) / room, initial=0.0))
+        room, taken = rest - tension_min, rest - moving
+        tight = room > _NONE * rest.max(initial=1e-300)  # a floor that rest itself does not keep says nothing of pace
+        factor = np.sqrt(np.max(taken[tight] / room[tight], initial=0.0))
         if factor > 1 + 1e-6:
-            at, tendon = np.unravel_index(moving.argmin(), moving.shape)
+            at, tendon = np.unravel_index(np.where(tight, moving, np.inf).argmin(), moving.shape)
             remedy = f"allow {leg.duration * factor:.3g} s or more" if factor < _LONGEST else "raise the prestress"
             return (
                 f"{leg.key}.duration = {leg.duration:g} s is quick for this prestress: inertia would take "

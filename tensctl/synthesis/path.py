@@ -126,7 +126,7 @@ class ShapePath:
 
     def nodes_of(self, place: float | np.ndarray) -> Float[np.ndarray, "nodes 3"]:
         """Nodes at a place on the path, m; a little beyond its ends too."""
-        return self.target.potential.manifold.retract(self.equilibria[0].nodes, self._chart(place))
+        return self.target.potential.manifold.tied(self.equilibria[0].nodes, self._chart(place))
 
     def velocities_at(self, t: float) -> Float[np.ndarray, "nodes 3"]:
         """Reference node velocities, m/s."""
@@ -171,7 +171,7 @@ class ShapePath:
     @cached_property
     def _chart(self):
         manifold, first = self.target.potential.manifold, self.equilibria[0].nodes
-        return self._spline(np.stack([manifold.logarithm(first, e.nodes) for e in self.equilibria]))
+        return self._spline(np.stack([manifold.untied(first, e.nodes) for e in self.equilibria]))
 
     def _spline(self, values: np.ndarray):
         return _splines(values, [leg.steps for leg in self.legs])
