@@ -7,7 +7,8 @@ import scipy.linalg
 from support import shell_scene, solved
 
 import tensctl as tc
-from tensctl.synthesis.truncation import balanced, gramian_factor, horizon_factor, modal
+from tensctl.analysis.gramian import gramian
+from tensctl.synthesis.truncation import balanced, gramian_factor, modal
 
 
 @pytest.fixture(scope="module")
@@ -65,12 +66,12 @@ class TestGramians:
     def test_of_a_horizon(self, rng):
         """Of an undamped oscillator over whole periods: the mean, T/2 |b|^2."""
         A = np.array([[0.0, 5.0], [-5.0, 0.0]])
-        Z = horizon_factor(A, np.array([[0.0], [2.0]]), 2 * np.pi * 3 / 5)
+        Z = gramian(A, np.array([[0.0], [2.0]]), 2 * np.pi * 3 / 5, None).factor
         assert np.abs(Z @ Z.T - 2 * np.pi * 3 / 5 * 2 * np.eye(2)).max() < 1e-12 * 10
 
     def test_long_horizons_come_to_the_infinite_one(self, rng):
         A, B, _ = system(rng)
-        long, whole = horizon_factor(A, B, 400.0), gramian_factor(A, B)
+        long, whole = gramian(A, B, 400.0, None).factor, gramian_factor(A, B)
         assert np.abs(long @ long.T - whole @ whole.T).max() < 1e-10 * np.abs(whole @ whole.T).max()
 
 

@@ -201,18 +201,28 @@ def gramian(
     if endless and (not damped or np.real(np.linalg.eigvals(A)).max(initial=-np.inf) >= 0):
         raise LinearizationError("an infinite horizon needs damping in every mode; give the horizon as a time in s.")
     speed = float(np.linalg.norm(A, 2)) if A.size else 0.0
-    doublings = int(np.ceil(np.log2(max(horizon * speed, 1.0)))) if not endless else _DOUBLINGS
-    step = horizon / 2**doublings if not endless else 1.0 / speed
     turn = _Turn(A, undamped, transposed=transposed)
-    L = _shortened(_first(turn, B, step))
-    F = turn(step)
+    if endless:
+        return Gramian(A, B, np.inf, summed(turn(1.0 / speed), _first(turn, B, 1.0 / speed)))
+    doublings = int(np.ceil(np.log2(max(horizon * speed, 1.0))))
+    step = horizon / 2**doublings
+    L, F = _shortened(_first(turn, B, step)), turn(step)
     for k in range(doublings):
-        more = F @ L
-        L = _shortened(np.hstack([L, more]))
-        if endless and np.linalg.norm(more) <= _DONE * np.linalg.norm(L):
-            break
+        L = _shortened(np.hstack([L, F @ L]))
         F = F @ F if damped else turn(step * 2 ** (k + 1))
     return Gramian(A, B, float(horizon), L)
+
+
+def summed(F: Inexact[np.ndarray, "n n"], B: Inexact[np.ndarray, "n m"]) -> Inexact[np.ndarray, "n n"]:
+    """L with L L* = sum_j F^j B B* F*^j of a stable F, lower triangular: the Gramian of a sampled system."""
+    L = _shortened(B)
+    for _ in range(_DOUBLINGS):
+        more = F @ L
+        L = _shortened(np.hstack([L, more]))
+        if np.linalg.norm(more) <= _DONE * np.linalg.norm(L):
+            break
+        F = F @ F
+    return L
 
 
 def _first(turn: _Turn, B: np.ndarray, step: float) -> np.ndarray:

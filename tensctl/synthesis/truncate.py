@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import scipy.linalg as sla
 
+from tensctl.analysis.gramian import gramian, oscillators
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
-from tensctl.synthesis.truncation import Truncated, balance, balanced, horizon_factor, modal
+from tensctl.synthesis.truncation import Truncated, balance, balanced, modal
 from tensctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ class ReducedModel:
     def impulse_error(self, T: float) -> float:
         """Root of the integral of the squared difference of the impulse responses up to T s."""
         t, model = self.truncated, self.linear
-        factor = horizon_factor(sla.block_diag(self.damped, t.A), np.vstack([model.B, t.B]), T)
+        factor = gramian(sla.block_diag(self.damped, t.A), np.vstack([model.B, t.B]), T, None).factor
         return float(np.linalg.norm(np.hstack([model.C, -t.C]) @ factor))
 
     def to_statespace(self) -> control.StateSpace:
@@ -110,8 +111,9 @@ def truncate(
         return ReducedModel(model, A, balanced(A, model.B, model.C, order), None)
     if not (np.isfinite(horizon) and horizon > 0):
         raise SynthesisError(f"horizon is {horizon}; a time > 0 s is expected.")
-    reach, sight = horizon_factor(A, model.B, horizon), horizon_factor(A.T, model.C.T, horizon)
-    cut = balance(A, model.B, model.C, reach, sight, order)
+    modes = oscillators(model) if damping is None else None
+    reach, sight = gramian(A, model.B, horizon, modes), gramian(A.T, model.C.T, horizon, modes, transposed=True)
+    cut = balance(A, model.B, model.C, reach.factor, sight.factor, order)
     without = Truncated(cut.A, cut.B, cut.C, cut.left, cut.right, cut.values, None)
     return ReducedModel(model, A, without, horizon)
 

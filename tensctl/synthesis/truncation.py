@@ -3,8 +3,8 @@
     balanced   |G - G_r|_inf <= 2 (sum of the Hankel values left out)          Moore 1981, Enns 1984, Glover 1984
     modal      |G - G_r|_inf <= sum of |C v_i| |w_i* B| / |Re lambda_i| of the poles left out
 
-Balancing works on factors Z of the Gramians Z Z' (squared Smith iteration), never on the Gramians: Hankel values are
-then good to 1e-15 of the largest, where those from Gramians end at 1e-8. A mode without damping has no Gramian on an
+Balancing works on factors Z of the Gramians Z Z' (`analysis.gramian`), never on the Gramians: Hankel values are then
+good to 1e-15 of the largest, where those from Gramians end at 1e-8. A mode without damping has no Gramian on an
 infinite horizon, because it rings for ever: state a damping, a finite horizon, or reduce the controller of the closed
 loop.
 """
@@ -14,13 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 
+from tensctl.analysis.gramian import gramian, summed
 from tensctl.errors import SynthesisError
 
-# Doublings of the Smith iteration: powers up to 2^60 decay unless a pole stands within rounding of the boundary.
-_STEPS = 60
 # Hankel values below this part of the largest are rounding: states that nothing drives or nobody sees.
 _NOISE = 1e-14
 
@@ -114,52 +112,16 @@ def modal(A: np.ndarray, B: np.ndarray, C: np.ndarray, order: int) -> Truncated:
     return Truncated(left @ A @ right, left @ B, C @ right, left, right, values, float(gains[rest].sum()))
 
 
-def gramian_factor(A: np.ndarray, B: np.ndarray, *, sampled: bool = False) -> Float[np.ndarray, "n k"]:
-    """Z with Z Z' the Gramian of (A, B), by squaring: Z <- (Z, A Z), A <- A^2; a Cayley transform for continuous time.
+def gramian_factor(A: np.ndarray, B: np.ndarray, *, sampled: bool = False) -> Float[np.ndarray, "n n"]:
+    """Z with Z Z' the Gramian of (A, B) on an infinite horizon.
 
     Raises
     ------
     SynthesisError
         When A is not stable.
     """
-    poles = np.linalg.eigvals(A)
-    _check_stable(poles, sampled)
-    Z = B
-    if not sampled:
-        sizes = np.abs(poles)
-        gamma = float(np.sqrt(sizes.min() * sizes.max()))
-        shifted = np.linalg.inv(gamma * np.eye(len(A)) - A)
-        A, Z = (A + gamma * np.eye(len(A))) @ shifted, np.sqrt(2 * gamma) * shifted @ B
-    for _ in range(_STEPS):
-        more = A @ Z
-        Z = compressed(np.hstack([Z, more]))
-        if np.linalg.norm(more) <= np.finfo(float).eps * np.linalg.norm(Z):
-            break
-        A = A @ A
-    return Z
-
-
-def horizon_factor(A: np.ndarray, B: np.ndarray, T: float) -> Float[np.ndarray, "n k"]:
-    """Z with Z Z' = int_0^T exp(At) B B' exp(A't) dt: Gauss points of a short step, then doubled."""
-    halvings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(A, 2) * T, 1.0)))))
-    h = T / 2**halvings
-    points, shares = np.polynomial.legendre.leggauss(10)
-    Z = np.hstack([
-        np.sqrt(0.5 * h * share) * sla.expm(0.5 * h * (1 + point) * A) @ B
-        for point, share in zip(points, shares, strict=True)
-    ])  # fmt: skip
-    E = sla.expm(h * A)
-    for _ in range(halvings):
-        Z, E = compressed(np.hstack([Z, E @ Z])), E @ E
-    return compressed(Z)
-
-
-def compressed(Z: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n r"]:
-    """A factor with the same Z Z' and no more columns than rows."""
-    if Z.shape[1] <= len(Z):
-        return Z
-    U, s, _ = np.linalg.svd(Z, full_matrices=False)
-    return U * s
+    _check_stable(np.linalg.eigvals(A), sampled)
+    return summed(A, B) if sampled else gramian(A, B, np.inf, None).factor
 
 
 def check_order(order: int, size: int) -> None:
