@@ -145,7 +145,7 @@ def harmonic_controllability_gramian(
             "weights differ between images of one input; give all images the same, or use the dense Gramian."
         )
     blocks = [
-        gramian(block.A, block.B / np.sqrt(R[linear.map.first(block.k)]), horizon, _oscillators(block))
+        gramian(block.A, block.B / np.sqrt(R[linear.map.first(block.k)]), horizon, block_oscillators(block))
         for block in linear.blocks
     ]
     return HarmonicGramian(linear, float(horizon), tuple(blocks))
@@ -161,11 +161,12 @@ def harmonic_observability_gramian(outputs: HarmonicOutputs, horizon: float) -> 
         For a horizon that is not positive, or infinite without damping.
     """
     blocks = [
-        gramian(b.A.conj().T, outputs.C(b).conj().T, horizon, _oscillators(b), transposed=True)
+        gramian(b.A.conj().T, outputs.C(b).conj().T, horizon, block_oscillators(b), transposed=True)
         for b in outputs.model.blocks
     ]
     return HarmonicGramian(outputs.model, float(horizon), tuple(blocks))
 
 
-def _oscillators(block: Harmonic) -> Oscillators | None:
+def block_oscillators(block: Harmonic) -> Oscillators | None:
+    """The modes of a harmonic without damping; None with it."""
     return None if block.dynamics.damped else Oscillators(block.omega2, block.scales, np.arange(block.nx))

@@ -5,6 +5,7 @@ from tensctl.synthesis.harmonic_kalman import HarmonicKalman, harmonic_kalman
 from tensctl.synthesis.harmonic_lqg import HarmonicLQG, harmonic_lqg
 from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR
+from tensctl.synthesis.harmonic_truncate import HarmonicReduced, harmonic_truncate
 from tensctl.synthesis.lqg import LQG, lqg
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
@@ -34,6 +35,7 @@ __all__ = [
     "HarmonicKalman",
     "HarmonicLQG",
     "HarmonicLQR",
+    "HarmonicReduced",
     "HarmonicSampledLQR",
     "LeftOut",
     "Linear",
@@ -58,6 +60,7 @@ __all__ = [
     "harmonic_kalman",
     "harmonic_lqg",
     "harmonic_lqr",
+    "harmonic_truncate",
     "lqg",
     "lqr",
     "plan_shape",

@@ -14,13 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from tensctl.analysis.gramian import gramian, summed
 from tensctl.errors import SynthesisError
 
 # Hankel values below this part of the largest are rounding: states that nothing drives or nobody sees.
-_NOISE = 1e-14
+NOISE = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +37,11 @@ class Truncated:
         No gain of the difference to the full system is larger, at any frequency; None where no bound is proven.
     """
 
-    A: Float[np.ndarray, "r r"]
-    B: Float[np.ndarray, "r m"]
-    C: Float[np.ndarray, "p r"]
-    left: Float[np.ndarray, "r n"]
-    right: Float[np.ndarray, "n r"]
+    A: Inexact[np.ndarray, "r r"]
+    B: Inexact[np.ndarray, "r m"]
+    C: Inexact[np.ndarray, "p r"]
+    left: Inexact[np.ndarray, "r n"]
+    right: Inexact[np.ndarray, "n r"]
     values: Float[np.ndarray, " n"]
     bound: float | None
 
@@ -69,13 +69,25 @@ def balance(
 ) -> Truncated:  # fmt: skip
     """Truncate by given factors of the Gramians; the bound holds for those of the infinite horizon."""
     check_order(order, len(A))
-    U, values, Vt = np.linalg.svd(sight.T @ reach)
-    kept = values[:order]
-    if not kept[-1] > _NOISE * values[0]:
-        count = int((values > _NOISE * values[0]).sum())
+    directions = hankel(reach, sight)
+    values = directions[1]
+    count = int((values > NOISE * values[0]).sum())
+    if order > count:
         raise SynthesisError(f"order is {order}, but only {count} states are both driven and seen; ask for fewer.")
-    right = reach @ Vt[:order].T / np.sqrt(kept)
-    left = (sight @ U[:, :order] / np.sqrt(kept)).T
+    return cut(A, B, C, reach, sight, directions, order)
+
+
+def hankel(reach: np.ndarray, sight: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """U, values and V' of the product of two factors: Hankel values, and the directions that they belong to."""
+    return np.linalg.svd(sight.conj().T @ reach)
+
+
+def cut(A, B, C, reach: np.ndarray, sight: np.ndarray, directions: tuple, order: int) -> Truncated:
+    """The system on the first directions; real, or complex as a harmonic has it."""
+    U, values, Vt = directions
+    root = np.sqrt(values[:order])
+    right = reach @ Vt[:order].conj().T / root
+    left = (sight @ U[:, :order] / root).conj().T
     return Truncated(left @ A @ right, left @ B, C @ right, left, right, values, 2 * float(values[order:].sum()))
 
 
@@ -112,7 +124,7 @@ def modal(A: np.ndarray, B: np.ndarray, C: np.ndarray, order: int) -> Truncated:
     return Truncated(left @ A @ right, left @ B, C @ right, left, right, values, float(gains[rest].sum()))
 
 
-def gramian_factor(A: np.ndarray, B: np.ndarray, *, sampled: bool = False) -> Float[np.ndarray, "n n"]:
+def gramian_factor(A: np.ndarray, B: np.ndarray, *, sampled: bool = False) -> Inexact[np.ndarray, "n n"]:
     """Z with Z Z' the Gramian of (A, B) on an infinite horizon.
 
     Raises
