@@ -117,7 +117,7 @@ class TestNetCDF:
         units = {name: dataset[name].attrs["units"] for name in dataset if "units" in dataset[name].attrs}
         assert units == {
             "nodes": "m", "velocities": "m/s", "lengths": "m", "tensions": "N", "rest_lengths": "m", "inputs": "m",
-            "solve_time": "s", "relaxed": "N",
+            "solve_time": "s", "relaxed": "N", "margin_gap": "N",
         }  # fmt: skip
         assert dataset.time.attrs["units"] == "s"
 

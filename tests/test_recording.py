@@ -104,7 +104,7 @@ def assert_same(run, other):
     for field in fields(tc.Run):
         if field.name != "structure":
             one, two = getattr(run, field.name), getattr(other, field.name)
-            assert np.array_equal(one, two) or (one != one and two != two), field.name
+            assert np.array_equal(one, two, equal_nan=np.asarray(one).dtype.kind == "f"), field.name
     for field in fields(tc.Structure):
         assert np.array_equal(getattr(run.structure, field.name), getattr(other.structure, field.name)), field.name
 

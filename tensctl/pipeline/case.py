@@ -9,6 +9,7 @@ from tensctl.pipeline.certificate import Certificate
 from tensctl.pipeline.results import Results
 from tensctl.report import Case, Check, Height, Limits, MpcCheck
 from tensctl.report import Push as ShownPush
+from tensctl.simulation.parted import parting_told
 from tensctl.structure import matches
 from tensctl.synthesis import LQG, shell_height, shell_rings
 
@@ -156,6 +157,7 @@ def _mpc_check(results: Results) -> MpcCheck | None:
         violations=certificate.violations,
         weighed=_weighed(results),
         travel=certificate.travel,
+        parted=None if results.run is None else parting_told(results.run),
     )
 
 

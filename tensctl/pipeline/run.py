@@ -292,9 +292,13 @@ def _inspect(results: Results, clock: Clock) -> Results:
 
 def _certify(results: Results, clock: Clock) -> Results:
     from tensctl.pipeline.certificate import certify
+    from tensctl.simulation.parted import parting_told
 
     assert results.mpc is not None
     assert results.run is not None
+    parting = parting_told(results.run)
+    if parting is not None:
+        clock.progress.warn(parting)
     with clock.stage("MPC against cvxpy"):
         return replace(results, certificate=certify(results.mpc, results.run))
 

@@ -161,6 +161,8 @@ def _mpc(results: Results) -> dict | None:
         "relaxed_steps": int((run.relaxed > 0).sum()),
         "largest_relaxation_N": float(run.relaxed.max()),
         "largest_share_of_u_max": certificate.travel,
+        "parted_steps": int((run.parted >= 0).sum()),
+        "largest_margin_gap_N": float(np.nanmax(np.abs(run.margin_gap), initial=0.0)),
         "samples_below_tension_floor": certificate.below_floor,
         "hard_limit_violations": certificate.violations,
         "cvxpy_cost_difference": certificate.cost_difference,

@@ -86,6 +86,8 @@ class MpcCheck:
         What the cost counts.
     travel : float, optional
         Largest change of a rest length over the change that it is allowed.
+    parted : str, optional
+        Where predicted tensions and those of the structure part company; None where they never do.
     """
 
     solver: str
@@ -97,6 +99,7 @@ class MpcCheck:
     violations: int
     weighed: str = ""
     travel: float | None = None
+    parted: str | None = None
 
 
 @dataclass(frozen=True)

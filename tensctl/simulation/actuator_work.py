@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.model import Dynamics
-from tensctl.simulation.record import lengthening
+from tensctl.model.tensions import lengthening
 from tensctl.simulation.run import Run
 from tensctl.structure import Members
 

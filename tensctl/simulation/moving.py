@@ -8,12 +8,13 @@ import numpy as np
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
+from tensctl.model.tensions import tensions_at
 from tensctl.simulation.actuators import Actuators
 from tensctl.simulation.controller import Controller, Measurement, ask
 from tensctl.simulation.drive import Drive
 from tensctl.simulation.integrators import Choice, carried_by
 from tensctl.simulation.loads import Load, Loads
-from tensctl.simulation.record import Record, placed, tensions_at
+from tensctl.simulation.record import Record, placed
 from tensctl.simulation.run import Run
 from tensctl.statics import Equilibrium
 from tensctl.synthesis import StepRecord
@@ -113,7 +114,9 @@ class Moving:
             structure=self._dynamics.structure, input_labels=self._dynamics.input_labels,
             sample_time=np.array([r.time for r in records]),
             solve_time=np.array([r.solve_time for r in records]), kkt=np.array([r.kkt for r in records]),
-            relaxed=np.array([r.relaxed for r in records]), method=integrator.name, why=self._choice.why,
+            relaxed=np.array([r.relaxed for r in records]),
+            margin_gap=np.array([r.margin_gap for r in records], float),
+            parted=np.array([r.parted for r in records], int), method=integrator.name, why=self._choice.why,
             evaluations=integrator.evaluations, switches=integrator.switches,
             local_errors=integrator.local_errors,
         )  # fmt: skip

@@ -51,6 +51,8 @@ def _run(data: xarray.Dataset) -> Run:
     return Run(
         structure=build_structure(Scene(structure=json.loads(str(data["structure"].values)))),
         sample_time=data["sample"].values,
+        margin_gap=data["margin_gap"].values if "margin_gap" in data else np.full(data.sizes["sample"], np.nan),
+        parted=data["parted"].values if "parted" in data else np.full(data.sizes["sample"], -1),
         status=data["status"].values.astype(str),
         input_labels=tuple(data["input"].values.tolist()),
         method=data.attrs["method"],

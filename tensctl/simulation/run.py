@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from tensctl.errors import OutputError, SimulationError
 from tensctl.simulation.journal import mend
@@ -32,8 +32,10 @@ class Run:
     input_labels : tuple of str
     status : (t,) str
         What the controller said last; empty without one.
-    sample_time, solve_time, kkt, relaxed : (s,) s, s, -, N
-        One entry a control step of a controller that solves problems.
+    sample_time, solve_time, kkt, relaxed, margin_gap : (s,) s, s, -, N, N
+        One entry a control step of a controller that solves problems, as `StepRecord` has them.
+    parted : (s,) int
+        Tendon at which its prediction and the structure part company there, -1 for none.
     method : str
         Integrator.
     why : str
@@ -61,6 +63,8 @@ class Run:
     solve_time: Float[np.ndarray, " s"]
     kkt: Float[np.ndarray, " s"]
     relaxed: Float[np.ndarray, " s"]
+    margin_gap: Float[np.ndarray, " s"]
+    parted: Int[np.ndarray, " s"]
     method: str
     evaluations: int
     switches: int
@@ -107,6 +111,8 @@ class Run:
             "solve_time": ("sample", self.solve_time, {"units": "s"}),
             "kkt": ("sample", self.kkt, {"long_name": "recomputed KKT residual"}),
             "relaxed": ("sample", self.relaxed, {"units": "N", "long_name": "tension floor given way by"}),
+            "margin_gap": ("sample", self.margin_gap, {"units": "N", "long_name": "predicted less measured tension"}),
+            "parted": ("sample", self.parted, {"long_name": "tendon that prediction was wrong of, -1 for none"}),
             "structure": ((), json.dumps(self.structure.as_recipe()), {"long_name": "a scene's [structure], as JSON"}),
         }
         coordinates = {

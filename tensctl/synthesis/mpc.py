@@ -23,6 +23,7 @@ from jaxtyping import Float
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
 from tensctl.linear.propagate import Stretch, stretch
+from tensctl.model.tensions import tensions_at
 from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, condense
 from tensctl.synthesis.limits import Limits, input_reach
@@ -35,6 +36,7 @@ from tensctl.synthesis.relaxed import relax
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
 from tensctl.synthesis.signal import Wanted, signal_for
+from tensctl.synthesis.slack_margin import Parting, expected, parting
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
 
@@ -65,6 +67,11 @@ class StepRecord:
         Recomputed KKT residual (nan without an answer).
     relaxed : float, N
         By how much the worst limit of tension had to give way; 0 when all are kept.
+    margin_gap : float, N
+        What the step before predicted for this sample, less what there is: of the tendon at which they part company, or
+        else of the one with the least tension; nan where there is nothing to compare.
+    parted : int
+        Index of the tendon at which they part company (`synthesis.slack_margin`), -1 for none.
     """
 
     time: float
@@ -72,6 +79,8 @@ class StepRecord:
     solve_time: float
     kkt: float
     relaxed: float
+    margin_gap: float = np.nan
+    parted: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +95,11 @@ class _Piece:
     def until_it_acts(self) -> Stretch:
         """The model from a sample until the command computed at it begins to act."""
         return stretch(self.linear, self.delay)
+
+    @cached_property
+    def until_next(self) -> Stretch:
+        """The model from when a command begins to act until the next sample."""
+        return stretch(self.linear, self.problem.sampled.dt - self.delay)
 
     @cached_property
     def solvers(self) -> dict[tuple[str, bool], Solver]:
@@ -173,6 +187,7 @@ class MPC:
         self._pieces: dict[int, _Piece] = {}
         self._plan: np.ndarray | None = None
         self._command: np.ndarray | None = None
+        self._predicted: np.ndarray | None = None
         self.records: list[StepRecord] = []
         if not self.linear.inputs:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
@@ -183,18 +198,18 @@ class MPC:
 
     def reset(self) -> None:
         """Forget the last plan and the records."""
-        self._plan = self._command = None
+        self._plan = self._command = self._predicted = None
         self.records = []
 
     def state(self) -> dict[str, np.ndarray]:
-        """All that later steps depend on: the last plan (N, nu) m and the last command; none before the first."""
-        held = {"plan": self._plan, "command": self._command}
+        """All that later steps depend on: last plan (N, nu) m, command and the tensions predicted; none before them."""
+        held = {"plan": self._plan, "command": self._command, "predicted": self._predicted}
         return {name: value for name, value in held.items() if value is not None}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Go on from the last plan; records begin anew."""
         self.reset()
-        self._plan, self._command = state.get("plan"), state.get("command")
+        self._plan, self._command, self._predicted = (state.get(name) for name in ("plan", "command", "predicted"))
 
     @property
     def problem(self) -> Condensed:
@@ -213,7 +228,9 @@ class MPC:
         look = self._seen(measurement, now)
         if look is None:
             plan = np.tile(now, (self.horizon, 1)) if self._plan is None else self._continued(self._plan)
+            self._predicted = np.full(len(self.linear.dynamics.structure.tendons), np.nan)
             return self._command_of(plan, now, StepRecord(t, "no measurement", perf_counter() - began, np.nan, 0.0))
+        part = self._parting(look)
         piece = self._piece(self.reference.knot_at(t))
         limits = self.limits(t, look)
         plan, status, kkt = self._solve(piece, limits)
@@ -222,7 +239,10 @@ class MPC:
         if relaxed <= _KEPT:
             status, relaxed = status.removesuffix(" relaxed"), 0.0
         plan = plan + self._ahead(t)
-        return self._command_of(plan, now, StepRecord(t, status, perf_counter() - began, kkt, relaxed))
+        record = StepRecord(t, status, perf_counter() - began, kkt, relaxed, part.gap, part.tendon)
+        command = self._command_of(plan, now, record)
+        self._predicted = self._prediction(t, piece, limits, command)
+        return command
 
     def _command_of(self, plan: np.ndarray, now: np.ndarray, record: StepRecord) -> np.ndarray:
         """The first command of a plan of total inputs, within hard limits; plan and record are kept."""
@@ -230,6 +250,29 @@ class MPC:
         self._plan, self._command = plan, self._clipped(plan[0], now if under_way is None else under_way)
         self.records.append(record)
         return self._command
+
+    def _parting(self, look: Any) -> Parting:
+        """What the measured tensions say of those that were predicted for now."""
+        if self._predicted is None:
+            return Parting()
+        tensions, noise = self._tensions_of(look)
+        return parting(self._predicted, tensions, self.tension_min, noise)
+
+    def _tensions_of(self, look: Any) -> tuple[Float[np.ndarray, " nt"], Float[np.ndarray, " nt"] | float]:
+        """Measured tensions, and by how much they may be off, N: here those of measured nodes and rest lengths."""
+        dynamics, nodes = self.linear.dynamics, look.nodes[None]
+        length, rest = dynamics.structure.lengths_at(nodes), dynamics.members.shortened(look.inputs)[None]
+        return tensions_at(dynamics, nodes, look.velocities[None], length, rest)[0], 0.0
+
+    def _prediction(self, t: float, piece: _Piece, limits: Limits, command: np.ndarray) -> Float[np.ndarray, " nt"]:
+        """Tensions at the next sample by the linear model, N; nan for tendons without a floor."""
+        before = limits.start[-command.size :]
+        inputs = before + (1 - self.delay / self.dt) * (command - self._ahead(t)[0] - before)
+        margin, tendons = self._margin_at_next(t, piece, limits), len(self.linear.dynamics.structure.tendons)
+        return expected(piece.problem, piece.until_next, limits.start, inputs, margin, self.tension_min, tendons)
+
+    def _margin_at_next(self, t: float, piece: _Piece, limits: Limits) -> Float[np.ndarray, " nT"]:
+        return piece.problem.margin(self.reference.tensions_at(t + self.dt), self.tension_min)
 
     def _inputs_now(self, t: float, measurement: Measured | None) -> np.ndarray:
         believed = self.reference.inputs_at(t) if self._command is None else self._command

@@ -31,6 +31,9 @@ from tensctl.synthesis.steady_target import SteadyTarget, Target
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
 
+# Deviations of a sensor of tension within which its noise stays: beyond five once in a million samples.
+_SURE = 5.0
+
 
 @dataclass(frozen=True, eq=False)
 class _Look:
@@ -167,6 +170,19 @@ class OutputMPC(MPC):
         """The reading, with known inputs: the filter goes on without what is missing."""
         missing = np.full(self.sensors.noise.size, np.nan)
         return Reading(missing if measurement is None else measurement.values, inputs)
+
+    def _tensions_of(self, look: Reading) -> tuple[np.ndarray, np.ndarray]:
+        """Tensions where sensors read them, and as many deviations as noise stays within."""
+        first, measured = self.sensors.lengths.size, self.sensors.tensions
+        shown = slice(first, first + measured.size)
+        tensions = np.full(len(self.linear.dynamics.structure.tendons), np.nan)
+        noise = np.zeros_like(tensions)
+        tensions[measured], noise[measured] = look.values[shown], _SURE * self.sensors.noise[shown]
+        return tensions, noise
+
+    def _margin_at_next(self, t: float, piece: Any, limits: Limits) -> Float[np.ndarray, " nT"]:
+        """The target's own: it stays for the whole horizon."""
+        return limits.tension_margin[0]
 
     def _refuse_others(self, measurement: object) -> None:
         if not isinstance(measurement, Reading) or measurement.values.shape != self.sensors.noise.shape:
