@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from support import prism_scene, replaced
+from support import prism_scene, replaced, shell_scene, solved
 
 import tensctl as tc
 from tensctl.simulation.recover import _hold
+from tensctl.simulation.trial import Experiment
 
 DAMPED = {"stiffness": 100.0, "rest_ratio": 0.8, "damping": {"ratio": 0.05}}
 
@@ -228,3 +229,30 @@ def test_hold_is_two_periods_of_the_lowest_mode():
     dynamics, rest = prism()
     lowest = tc.linearize(dynamics, rest).modes[0].frequency
     assert _hold(rest) == pytest.approx(2 / lowest)
+
+
+@pytest.fixture(scope="module")
+def free():
+    """What all trials of the free (3,1) shell under LQR have in common."""
+    dynamics, rest, linear = solved(shell_scene(3, 1, tendons=DAMPED), outputs=())
+    controller = tc.lqr(linear, dt=0.02)
+    return Experiment(
+        dynamics, rest, controller, t_end=8.0, within=1e-3, hold=1.0, dt=0.02, rate_max=np.inf, collide=True, tol=1e-6
+    )
+
+
+def test_a_drift_is_no_loss(free):
+    drift = tc.Kick("drift", np.tile([1.0, 2.0, -0.5], (12, 1)))
+    trial = free.at(drift, 5.0)
+    assert trial.recovered
+    assert trial.peak < 1e-6
+
+
+def test_a_spin_that_stays_deforms(free):
+    """By what balances the centrifugal forces: twice as fast, four times as far."""
+    nodes = free.equilibrium.nodes
+    spin = tc.Kick("spin", np.cross([0.0, 0.0, 1.0], nodes - nodes.mean(axis=0)))
+    slow, fast = free.at(spin, 0.5), free.at(spin, 1.0)
+    assert slow.reason == "deformed by its spin"
+    assert not fast.recovered
+    assert fast.peak / slow.peak == pytest.approx(4.0, rel=0.05)

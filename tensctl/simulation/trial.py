@@ -83,7 +83,7 @@ class Experiment:
         rest = self.equilibrium
         watched = Watched(
             self.controller, self.dynamics, rest, after=over_at(disturbance), within=self.within, hold=self.hold,
-            dt=self.dt, rate_max=self.rate_max, collide=self.collide,
+            t_end=self.t_end, dt=self.dt, rate_max=self.rate_max, collide=self.collide,
         )  # fmt: skip
         start, pushes = (rest, velocities_of(disturbance, amplitude, rest.nodes)), pushes_of(disturbance, amplitude)
         reason = "did not settle"

@@ -22,6 +22,9 @@ from tensctl.statics import Equilibrium
 # What stays within this part of `within` rests; twice the filter's shake of a millimetre passes on a structure of a
 # metre, a beat of two modes does not.
 _STILL = 0.1
+# What turns by more than this, rad, while it is looked at, does not rest. A slower turn deforms by less than a
+# ten-thousandth.
+_TURNED = 0.1
 # A command this near to a limit, as a part of it, is at the limit.
 _AT = 1e-9
 
@@ -38,7 +41,7 @@ class Watched:
     after : float, s
         When the disturbance is over.
     within : float, m
-    hold : float, s
+    hold, t_end : float, s
     rate_max : float, m/s
     collide : bool
         Whether rods that touch end the run.
@@ -46,10 +49,10 @@ class Watched:
 
     def __init__(
         self, controller: Controller | None, dynamics: Dynamics, rest: Equilibrium, *, after: float, within: float,
-        hold: float, dt: float, rate_max: float, collide: bool,
+        hold: float, t_end: float, dt: float, rate_max: float, collide: bool,
     ) -> None:  # fmt: skip
         self._controller, self._dynamics, self._rest = controller, dynamics, rest
-        self._after, self._within, self._hold, self._collide = after, within, hold, collide
+        self._after, self._within, self._hold, self._t_end, self._collide = after, within, hold, t_end, collide
         self.dt, self.delay = dt, float(getattr(controller, "delay", 0.0))
         lower, upper = dynamics.members.input_bounds
         self._bounds = (lower * (1 + _AT * np.sign(lower)), upper * (1 - _AT * np.sign(upper)))
@@ -63,6 +66,7 @@ class Watched:
         """Forget what was seen."""
         self.time, self.peak, self.samples = 0.0, 0.0, 0
         self.slack = np.zeros(self._taut.size, bool)
+        self._turning = 0.0
         self.slack_samples = self.floor_samples = self.rate_samples = 0
         self._seen: deque[tuple[float, float, np.ndarray]] = deque()
         self._before: tuple[float, np.ndarray, np.ndarray] | None = None
@@ -88,7 +92,8 @@ class Watched:
     def _look(self, t: float, measurement: Measurement) -> None:
         nodes, rest = measurement.nodes, self._rest
         if not self._dynamics.structure.held.any():
-            nodes = best_fit(rest.potential, rest.nodes, nodes, measurement.velocities).nodes(nodes)
+            frame = best_fit(rest.potential, rest.nodes, nodes, measurement.velocities)
+            nodes, self._turning = frame.nodes(nodes), float(np.linalg.norm(frame.spin))
         error = float(np.linalg.norm(nodes - rest.nodes, axis=1).max())
         slack = self._taut & (measurement.tensions <= 0)
         self.time, self.peak = t, max(self.peak, error)
@@ -113,8 +118,16 @@ class Watched:
             raise Over("")
         if min(errors) > self._within:
             places = np.array([nodes for _, _, nodes in self._seen])
-            if np.linalg.norm(np.ptp(places, axis=0), axis=1).max() <= _STILL * self._within:
-                raise Over("rests elsewhere, slack" if slack.any() else "another equilibrium")
+            moved = np.linalg.norm(np.ptp(places, axis=0), axis=1).max()
+            still_to_move = moved * (self._t_end - t) / self._hold
+            if moved <= _STILL * self._within and still_to_move < min(errors) - self._within:
+                raise Over(self._elsewhere(slack))
+
+    def _elsewhere(self, slack: np.ndarray) -> str:
+        """What keeps it away."""
+        if self._turning * self._hold > _TURNED:
+            return "deformed by its spin"
+        return "rests elsewhere, slack" if slack.any() else "another equilibrium"
 
     def _met(self, t: float, now: Measurement) -> bool:
         before, self._before = self._before, (t, now.nodes, now.velocities)
