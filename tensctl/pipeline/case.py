@@ -11,7 +11,7 @@ from tensctl.report import Case, Check, Height, Limits, MpcCheck
 from tensctl.report import Push as ShownPush
 from tensctl.simulation.parted import parting_told
 from tensctl.structure import matches
-from tensctl.synthesis import LQG, shell_height, shell_rings
+from tensctl.synthesis import LQG, MPC, OutputMPC, shell_height, shell_rings
 
 # Time after the last planned motion or push before the shape is judged, s.
 _SETTLING = 3.0
@@ -157,7 +157,19 @@ def _mpc_check(results: Results) -> MpcCheck | None:
         violations=certificate.violations,
         weighed=_weighed(results),
         travel=certificate.travel,
+        feedback=_feedback(mpc),
         parted=None if results.run is None else parting_told(results.run),
+    )
+
+
+def _feedback(mpc: MPC) -> str:
+    """What the controller sees, in words."""
+    if not isinstance(mpc, OutputMPC):
+        return "the whole state"
+    model, seen = mpc.model, mpc.sensors.noise.size
+    return (
+        f"{seen} sensors, {len(mpc.tracked)} tracked; estimates {seen} constant disturbances, {model.forces} of them "
+        f"forces (rank margin {model.rank_margin:.1e})"
     )
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from tensctl.simulation import Measurement, Run
-from tensctl.synthesis import MPC
+from tensctl.synthesis import MPC, OutputMPC, Reading
 from tensctl.synthesis.limits import input_reach
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_solvers import SOLVERS
@@ -94,7 +96,9 @@ def _busiest(run: Run) -> int | None:
 def _twice(mpc: MPC, run: Run, k: int) -> tuple[float, float]:
     """Differences of cost and first input between one step condensed and as a sparse statement in cvxpy."""
     t = float(run.time[k])
-    shown = Measurement(run.nodes[k], run.velocities[k], run.lengths[k], run.tensions[k], run.inputs[k])
+    shown: Any = _measurement(run, k)
+    if isinstance(mpc, OutputMPC):
+        mpc, shown = _as_then(mpc, run, k)
     problem, limits, qp = mpc.statement(t, shown)
     plan = mpc.solve(t, shown)
     cost, inputs = reference_optimum(problem, limits)
@@ -102,3 +106,20 @@ def _twice(mpc: MPC, run: Run, k: int) -> tuple[float, float]:
     smallest = 0.5 * _MICROMETRE**2 * float(np.trace(qp.H))
     difference = abs(ours - cost) / max(abs(ours), abs(cost), smallest)
     return float(difference), float(np.abs(plan[0] - inputs[0]).max())
+
+
+def _measurement(run: Run, k: int) -> Measurement:
+    return Measurement(run.nodes[k], run.velocities[k], run.lengths[k], run.tensions[k], run.inputs[k])
+
+
+def _as_then(mpc: OutputMPC, run: Run, k: int) -> tuple[OutputMPC, Reading]:
+    """A controller that remembers what this one did before record k, and what it read there."""
+    twin = copy(mpc)
+    twin.reset()
+    rows = np.searchsorted(np.round(run.time, 12), np.round(run.sample_time, 12))
+    for sample, row in enumerate(rows.tolist()):
+        reading = mpc.sensors.read(_measurement(run, row), sample)
+        if row == k:
+            return twin, reading
+        twin.observe(float(run.time[row]), reading)
+    raise AssertionError("record k is a control sample")

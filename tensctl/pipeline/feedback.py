@@ -1,6 +1,8 @@
-"""LQR, LQG and the weights of predictive control as a scene asks for them."""
+"""LQR, LQG and predictive control as a scene asks for them."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +12,21 @@ from tensctl.linear.outputs import Output
 from tensctl.scene import LqgStage, LqrStage, MpcStage, SensorsStage
 from tensctl.structure import Structure
 from tensctl.structure.labels import by_label
-from tensctl.synthesis import LQG, LQR, Cost, SampledLQR, Weights, lqg, lqr, sensors, weights
+from tensctl.synthesis import (
+    LQG,
+    LQR,
+    MPC,
+    Cost,
+    OutputMPC,
+    SampledLQR,
+    Sensors,
+    ShapePath,
+    Weights,
+    lqg,
+    lqr,
+    sensors,
+    weights,
+)
 
 
 def cost_of(asked: LqrStage | LqgStage, linear: LinearModel) -> Cost:
@@ -39,13 +55,36 @@ def design_lqr(asked: LqrStage, linear: LinearModel) -> LQR | SampledLQR:
 
 def design_lqg(asked: LqgStage, seen: SensorsStage, linear: LinearModel) -> LQG:
     """Output feedback from the scene's sensors."""
-    eyes = sensors(
+    return lqg(
+        linear, _eyes(seen, linear), cost=cost_of(asked, linear), force_noise=asked.force_noise, dt=asked.dt,
+        order=asked.order, stabilisable_only=asked.stabilisable_only,
+    )  # fmt: skip
+
+
+def _eyes(seen: SensorsStage, linear: LinearModel) -> Sensors:
+    return sensors(
         linear.dynamics.structure, lengths=seen.lengths, tensions=seen.tensions, nodes=seen.nodes, seed=seen.seed
     )
-    return lqg(
-        linear, eyes, cost=cost_of(asked, linear), force_noise=asked.force_noise, dt=asked.dt, order=asked.order,
-        stabilisable_only=asked.stabilisable_only,
+
+
+def design_mpc(asked: MpcStage, linear: LinearModel, path: ShapePath | None) -> MPC:
+    """Predictive control of the state."""
+    return MPC(linear, path=path, **_common(asked, linear))
+
+
+def design_output_mpc(asked: MpcStage, seen: SensorsStage, linear: LinearModel, path: ShapePath | None) -> OutputMPC:
+    """Predictive control from the scene's sensors, about where the structure starts: there its filter is right."""
+    track = asked.track if asked.track else None
+    return OutputMPC(
+        linear, _eyes(seen, linear), track=track, force_noise=asked.force_noise, drift=asked.drift, path=path,
+        **_common(asked, linear),
     )  # fmt: skip
+
+
+def _common(asked: MpcStage, linear: LinearModel) -> dict[str, Any]:
+    """What both take."""
+    names = ("horizon", "dt", "tension_min", "rate_max", "u_max", "solver", "delay", "modes")
+    return {name: getattr(asked, name) for name in names} | {"weights": mpc_weights(asked, linear.dynamics.structure)}
 
 
 def mpc_weights(asked: MpcStage, structure: Structure) -> Weights:

@@ -254,26 +254,16 @@ def _lqg(results: Results, clock: Clock) -> Results:
 
 
 def _mpc(results: Results, clock: Clock) -> Results:
-    from tensctl.pipeline.feedback import mpc_weights
-    from tensctl.synthesis import MPC
+    from tensctl.pipeline.feedback import design_mpc, design_output_mpc
 
-    asked = results.scene.mpc
+    asked, seen = results.scene.mpc, results.scene.sensors
     assert asked is not None
     with clock.stage("MPC set-up"):
-        mpc = MPC(
-            _at_target(results),
-            horizon=asked.horizon,
-            dt=asked.dt,
-            tension_min=asked.tension_min,
-            rate_max=asked.rate_max,
-            u_max=asked.u_max,
-            weights=mpc_weights(asked, results.structure),
-            solver=asked.solver,
-            delay=asked.delay,
-            modes=asked.modes,
-            path=results.path,
-        )
-    return replace(results, mpc=mpc)
+        if asked.feedback == "states":
+            return replace(results, mpc=design_mpc(asked, _at_target(results), results.path))
+        assert seen is not None
+        assert results.linear is not None
+        return replace(results, mpc=design_output_mpc(asked, seen, results.linear, results.path))
 
 
 def _inspect(results: Results, clock: Clock) -> Results:

@@ -13,7 +13,7 @@ from tensctl.pipeline.results import Results
 if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.simulation import Sanity
-    from tensctl.synthesis import LQG, LQR, PathSurvey, SampledLQR
+    from tensctl.synthesis import LQG, LQR, MPC, PathSurvey, SampledLQR
 
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
@@ -168,6 +168,24 @@ def _mpc(results: Results) -> dict | None:
         "cvxpy_cost_difference": certificate.cost_difference,
         "cvxpy_input_difference_m": certificate.input_difference,
         "terminal_riccati_residual": mpc.problem.riccati_residual,
+    } | _from_sensors(mpc)
+
+
+def _from_sensors(mpc: MPC) -> dict:
+    """What a controller sees, and what there is to say of one that estimates."""
+    from tensctl.synthesis import OutputMPC
+
+    if not isinstance(mpc, OutputMPC):
+        return {"feedback": "states"}
+    missed = None if mpc.target is None or not np.isfinite(mpc.target.missed) else mpc.target.missed
+    return {
+        "feedback": "outputs",
+        "measured": mpc.sensors.noise.size,
+        "tracked": len(mpc.tracked),
+        "estimated_forces": mpc.model.forces,
+        "rank_margin": mpc.model.rank_margin,
+        "refused_measurements": mpc.estimate.rejected,
+        "target_missed_deviations": missed,
     }
 
 

@@ -86,6 +86,8 @@ class MpcCheck:
         What the cost counts.
     travel : float, optional
         Largest change of a rest length over the change that it is allowed.
+    feedback : str
+        What the controller sees.
     parted : str, optional
         Where predicted tensions and those of the structure part company; None where they never do.
     """
@@ -99,6 +101,7 @@ class MpcCheck:
     violations: int
     weighed: str = ""
     travel: float | None = None
+    feedback: str = ""
     parted: str | None = None
 
 

@@ -96,6 +96,8 @@ class Scene(Section):
     def _estimator_has_sensors(self) -> Self:
         if self.lqg is not None and self.sensors is None:
             raise complaint("is there, but nothing is measured; expected a section [sensors] beside it", "lqg")
+        if self.mpc is not None and self.mpc.feedback == "outputs" and self.sensors is None:
+            raise complaint('is "outputs"; expected a section [sensors] that says what is measured', "mpc", "feedback")
         return self
 
     @property

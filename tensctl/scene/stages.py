@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from tensctl.scene.complaint import complaint, shown
 from tensctl.scene.section import Section
 from tensctl.scene.tables import Table, per_member
-from tensctl.scene.values import Choice, KindOf, Number, Numbers, Text, Vector
+from tensctl.scene.values import Choice, KindOf, Number, Numbers, Text, Texts, Vector
 
 Output = Annotated[str, KindOf("nodes", "velocities", "lengths", "tensions", example="nodes:P4_*")]
 Tolerance = Annotated[float, Number(above=0, below=1)]
@@ -107,7 +107,11 @@ class LqgStage(FeedbackStage):
 
 
 class MpcStage(CostStage):
-    """`[mpc]`: predictive control with limits on tension, rest length, its change and its rate."""
+    """`[mpc]`: predictive control with limits on tension, rest length, its change and its rate.
+
+    With `feedback = "outputs"` it sees the sensors only, and estimates disturbances; `track` names the sensors whose
+    values are to be reached, `force_noise` and `drift` are what its filter expects.
+    """
 
     horizon: Annotated[int, Number("control periods", least=1, whole=True)] = 20
     dt: Annotated[float, Number("s", above=0)] = 0.02
@@ -117,6 +121,10 @@ class MpcStage(CostStage):
     solver: Literal["auto", "daqp", "osqp", "piqp", "clarabel"] = "auto"
     delay: Annotated[float, Number("s", least=0)] = 0.0
     modes: Literal["refuse", "truncate"] = "refuse"
+    feedback: Literal["states", "outputs"] = "states"
+    track: Annotated[tuple[str, ...], Texts("labels of sensors", '["l_*", "P4_1_1_z"]')] = ()  # none: shape, or all
+    force_noise: Annotated[float, Number("N s^1/2", above=0)] = 0.001
+    drift: Annotated[float, Number("1/s^1/2", above=0)] = 1.0
 
 
 class PushRequest(Section):

@@ -85,7 +85,7 @@ class OutputMPC(MPC):
         rate_max: float = 0.5,
         u_max: Size | None = None,
         weights: Weights | None = None,
-        solver: Literal["auto", "daqp", "osqp"] = "auto",
+        solver: Literal["auto", "daqp", "osqp", "piqp", "clarabel"] = "auto",
         delay: float = 0.0,
         modes: Literal["refuse", "truncate"] = "refuse",
         path: Reference | None = None,
@@ -162,9 +162,24 @@ class OutputMPC(MPC):
         if measurement is not None:
             self._refuse_others(measurement)
         command = super().step(t, measurement)
+        self._remember()
+        return command
+
+    def observe(self, t: float, reading: Reading) -> None:
+        """Take a reading into the estimate without asking for a command, as `step` does before it plans.
+
+        Raises
+        ------
+        SynthesisError
+            When anything but a reading of these sensors is shown.
+        """
+        self._refuse_others(reading)
+        self._look(t, reading)
+        self._remember()
+
+    def _remember(self) -> None:
         assert self._looked is not None
         self._memory = self._looked.estimate, self._looked.reading.inputs - self.linear.equilibrium.inputs
-        return command
 
     def _seen(self, measurement: Any, inputs: np.ndarray) -> Reading:
         """The reading, with known inputs: the filter goes on without what is missing."""
