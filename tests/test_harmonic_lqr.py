@@ -210,3 +210,50 @@ class TestRefusals:
         wrong = replace(design, K=(design.K[0], -design.K[1], design.K[2]))
         with pytest.raises(tc.SynthesisError, match="a closed-loop pole of harmonic 1 is not stable"):
             wrong.verify()
+
+
+class TestPhysicalWeights:
+    """`harmonic_weights` are the weights of `weights`, cross terms included."""
+
+    SIZES = (
+        {"energy": 1.0},
+        {"energy": 2.0, "nodes": {"P*_2": 0.01}, "rest_lengths": {"*": 0.05, "t5_*": 0.02}},
+        {"nodes": 0.01, "tensions": {"*": 5.0, "t1_*": 2.0}, "rest_lengths": 0.1},
+    )
+
+    @pytest.mark.parametrize("sizes", SIZES)
+    def test_are_the_dense_ones(self, small, sizes):
+        _, _, linear, model, _ = small
+        found, wanted = tc.harmonic_weights(model, **sizes), tc.weights(linear, **sizes)
+        bases, inputs = model.changed_basis(linear), model.map.waves(np.eye(model.nu))
+        parts = list(zip(model.blocks, found, bases, inputs, strict=True))
+        for name, pick in (("Q", (0, 0)), ("R", (1, 1)), ("N", (0, 1))):
+            dense = sum(
+                b.copies * np.real(pair[pick[0]].conj().T @ getattr(cost, name) @ pair[pick[1]])
+                for b, cost, *pair in parts
+            )
+            scale = np.abs(wanted.matrix).max()
+            assert np.abs(dense - getattr(wanted, name)).max() < 1e-12 * scale
+
+    @pytest.mark.parametrize("dt", [None, 0.01])
+    def test_give_the_dense_gain(self, small, dt):
+        _, _, linear, model, _ = small
+        found = tc.harmonic_lqr(model, cost=tc.harmonic_weights(model, **self.SIZES[2]), dt=dt)
+        wanted = tc.lqr(linear, cost=tc.weights(linear, **self.SIZES[2]), dt=dt)
+        K, P = found.dense(linear)
+        assert relative(K, wanted.K) < 1e-9
+        assert relative(P, wanted.P) < 1e-9
+        found.verify(1e-11)
+
+    def test_refusals(self, small):
+        model = small[3]
+        with pytest.raises(tc.SynthesisError, match="sizes of nodes are not the same in all sectors; give images"):
+            tc.harmonic_weights(model, energy=1.0, nodes={"P1_1_1": 0.01})
+        with pytest.raises(tc.SynthesisError, match="sizes of rest_lengths are not the same in all sectors"):
+            tc.harmonic_weights(model, energy=1.0, rest_lengths={"*": 0.1, "t5_1_1": 0.2})
+        with pytest.raises(tc.SynthesisError, match="some rest length costs nothing"):
+            tc.harmonic_weights(model, nodes=0.01)
+        with pytest.raises(tc.SynthesisError, match="tensions has the allowed size -1"):
+            tc.harmonic_weights(model, tensions=-1.0)
+        with pytest.raises(tc.SynthesisError, match="weights are given twice"):
+            tc.harmonic_lqr(model, R=np.eye(18), cost=tc.harmonic_weights(model, energy=1.0))

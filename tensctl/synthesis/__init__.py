@@ -6,6 +6,7 @@ from tensctl.synthesis.harmonic_lqg import HarmonicLQG, harmonic_lqg
 from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR
 from tensctl.synthesis.harmonic_truncate import HarmonicReduced, harmonic_truncate
+from tensctl.synthesis.harmonic_weights import harmonic_weights
 from tensctl.synthesis.lqg import LQG, lqg
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
@@ -61,6 +62,7 @@ __all__ = [
     "harmonic_lqg",
     "harmonic_lqr",
     "harmonic_truncate",
+    "harmonic_weights",
     "lqg",
     "lqr",
     "plan_shape",

@@ -21,16 +21,14 @@ from tensctl.analysis import harmonic_observability
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, HarmonicOutputs, LinearModel
 from tensctl.linear.harmonic_block import Harmonic, Shown
-from tensctl.synthesis.harmonic_riccati import Equation, by_harmonic, poles_of, residual_of, stable
+from tensctl.synthesis.harmonic_riccati import Equation, by_harmonic, name_lost, poles_of, residual_of, stable
+from tensctl.synthesis.harmonic_weights import of_sector
 from tensctl.synthesis.kalman import Kalman, force_roots, kalman
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.over_period import integral
 from tensctl.synthesis.sensors import Sensors
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
-
-# Noise of a sensor or of forces, and of its image, that differs by less than this part is equal.
-_EQUAL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,12 +153,13 @@ def harmonic_kalman(
     kinds: list[tuple[Shown, np.ndarray]] = [("lengths", sensors.lengths), ("tensions", sensors.tensions)]
     kinds.append(("nodes", sensors.positions))
     outputs = HarmonicOutputs.of(linear, [(kind, chosen) for kind, chosen in kinds if chosen.size])
-    V = np.concatenate([_alike(sensors.noise[orbit.places], "the sensors") for orbit in outputs.orbits]) ** 2
-    roots = _alike(force_roots(structure, force_noise)[linear.map.point.sector.symmetry.nodes], "the forces")
+    noise = [of_sector(sensors.noise[orbit.places], "noises of sensors", "tc.lqg") for orbit in outputs.orbits]
+    V, nodes = np.concatenate(noise) ** 2, linear.map.point.sector.symmetry.nodes
+    roots = of_sector(force_roots(structure, force_noise)[nodes], "noises of forces", "tc.lqg")
     try:
         blocks = by_harmonic(linear, lambda block: _filter(block, outputs.C(block), roots, np.diag(V), dt))
     except SynthesisError:
-        _name_unseen(outputs)
+        name_lost(linear, lambda: harmonic_observability(outputs), "seen", "sensors that see it")
         raise
     return HarmonicKalman(linear, sensors, outputs, dt, tuple(blocks))
 
@@ -176,24 +175,3 @@ def _filter(block: Harmonic, C: np.ndarray, roots: np.ndarray, V: np.ndarray, dt
 def _motion(block: Harmonic, dt: float | None) -> np.ndarray:
     """A, or F over a period."""
     return block.A if dt is None else sla.expm(dt * block.A)
-
-
-def _alike(roots: Float[np.ndarray, "n k"], whose: str) -> Float[np.ndarray, " k"]:
-    """Roots of intensities of one sector, refused when those of its images differ."""
-    if np.ptp(roots, axis=0).max(initial=0.0) > _EQUAL * roots.max(initial=0.0):
-        raise SynthesisError(
-            f"the noise of {whose} is not the same in all sectors; give images one noise, or use tc.lqg on the "
-            "dense model of tc.linearize."
-        )
-    return roots[0]
-
-
-def _name_unseen(outputs: HarmonicOutputs) -> None:
-    """Refuse by name the first mode that no sensor sees, if there is one."""
-    unseen = [mode for mode in harmonic_observability(outputs).modes if mode.verdict != "yes"]
-    if unseen:
-        first, count = unseen[0], sum(mode.copies for mode in unseen)
-        raise SynthesisError(
-            f"harmonic {first.harmonic}: a mode at {first.frequency:.4g} Hz, one of {count}, is neither damped nor "
-            f"seen: {first.reason}; give sensors that see it, or some damping."
-        )

@@ -22,7 +22,7 @@ from tensctl.synthesis.feedback import command
 from tensctl.synthesis.harmonic_kalman import HarmonicKalman, harmonic_kalman
 from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR
-from tensctl.synthesis.harmonic_weights import Blocks
+from tensctl.synthesis.harmonic_weights import Blocks, Costs
 from tensctl.synthesis.loop import Loop, close
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.sensors import Reading, Sensors
@@ -93,9 +93,7 @@ class HarmonicLQG:
     @property
     def _costs(self) -> tuple[Cost, ...]:
         own = self.regulator
-        if isinstance(own, HarmonicSampledLQR):
-            return own.period_costs
-        return tuple(Cost(Q, R, np.zeros((len(Q), len(R)))) for Q, R in zip(own.Q, own.R, strict=True))
+        return own.period_costs if isinstance(own, HarmonicSampledLQR) else own.costs
 
     def reset(self) -> None:
         """Forget the estimate: the structure is at its equilibrium."""
@@ -171,6 +169,7 @@ def harmonic_lqg(
     *,
     Q: Blocks | None = None,
     R: np.ndarray | Blocks | None = None,
+    cost: Costs | None = None,
     force_noise: float | Mapping[str, float] = 0.1,
     dt: float | None = None,
 ) -> HarmonicLQG:
@@ -181,7 +180,7 @@ def harmonic_lqg(
     linear : HarmonicModel
     sensors, force_noise
         As `harmonic_kalman` takes them.
-    Q, R
+    Q, R, cost
         Weights as `harmonic_lqr` takes them; energies by default.
     dt : float, s, optional
         Control period; without it the continuous problem, which can be judged but not run.
@@ -191,7 +190,7 @@ def harmonic_lqg(
     SynthesisError
         What `harmonic_lqr` and `harmonic_kalman` refuse.
     """
-    regulator = harmonic_lqr(linear, Q, R, dt=dt)
+    regulator = harmonic_lqr(linear, Q, R, cost=cost, dt=dt)
     found = harmonic_kalman(linear, sensors, force_noise=force_noise, dt=dt)
     sampled = regulator.sampled if isinstance(regulator, HarmonicSampledLQR) else [None] * len(linear.blocks)
     plants = tuple(

@@ -15,14 +15,15 @@ from typing import overload
 import numpy as np
 from jaxtyping import Complex, Float, Inexact
 
+from tensctl.analysis import harmonic_controllability
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, LinearModel, sample_ramped
 from tensctl.linear.harmonic_block import Harmonic
+from tensctl.synthesis.crossed import optimal
 from tensctl.synthesis.feedback import Measured, command
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR, sampled_design
-from tensctl.synthesis.harmonic_riccati import by_harmonic, poles_of, residual_of, stable, whole_residual
-from tensctl.synthesis.harmonic_weights import Blocks, input_weights, state_weights
-from tensctl.synthesis.riccati import care
+from tensctl.synthesis.harmonic_riccati import by_harmonic, name_lost, poles_of, residual_of, stable
+from tensctl.synthesis.harmonic_weights import Blocks, Costs, checked_costs
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -40,19 +41,21 @@ class HarmonicLQR:
     Attributes
     ----------
     linear : HarmonicModel
-    Q, R : weights by harmonic, Q_k on x_k and R_k on u_k
+    costs : tuple of Cost
+        Weights of each harmonic on x_k and u_k.
     K, P : gains and Riccati solutions by harmonic
-    residual : float
-        Riccati residual of the whole structure over the sum of its terms, each the root of a sum of squares over all
-        n harmonics.
     """
 
     linear: HarmonicModel
-    Q: tuple[Inexact[np.ndarray, "nx nx"], ...]
-    R: tuple[Inexact[np.ndarray, "p p"], ...]
+    costs: tuple[Cost, ...]
     K: tuple[Inexact[np.ndarray, "p nx"], ...]
     P: tuple[Inexact[np.ndarray, "nx nx"], ...]
-    residual: float
+
+    @cached_property
+    def residual(self) -> float:
+        """Riccati residual of the whole structure over the sum of its terms, each a root of squares over harmonics."""
+        parts = zip(self.linear.blocks, self.costs, self.P, strict=True)
+        return residual_of(self.linear, ((b.A, b.B, cost, P) for b, cost, P in parts), sampled=False)
 
     @cached_property
     def poles(self) -> Complex[np.ndarray, " nx"]:
@@ -115,11 +118,8 @@ class HarmonicLQR:
         SynthesisError
             With the number or the harmonic that fails.
         """
-        designs = list(zip(self.linear.blocks, self.Q, self.R, self.P, strict=True))
-        equations = ((b.A, b.B, Cost(Q, R, np.zeros(b.B.shape)), P) for b, Q, R, P in designs)
-        residual = residual_of(self.linear, equations, sampled=False)
-        if not residual <= tol:
-            raise SynthesisError(f"the Riccati residual is {residual:.1e}; at most {tol:.0e} is expected.")
+        if not self.residual <= tol:
+            raise SynthesisError(f"the Riccati residual is {self.residual:.1e}; at most {tol:.0e} is expected.")
         for block, K, P in zip(self.linear.blocks, self.K, self.P, strict=True):
             if not stable(block.A - block.B @ K, P):
                 raise SynthesisError(f"a closed-loop pole of harmonic {block.k} is not stable.")
@@ -127,11 +127,13 @@ class HarmonicLQR:
 
 @overload
 def harmonic_lqr(
-    linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray | Blocks | None = None, *, dt: None = None,
+    linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray | Blocks | None = None, *,
+    cost: Costs | None = None, dt: None = None,
 ) -> HarmonicLQR: ...  # fmt: skip
 @overload
 def harmonic_lqr(
-    linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray | Blocks | None = None, *, dt: float | None,
+    linear: HarmonicModel, Q: Blocks | None = None, R: np.ndarray | Blocks | None = None, *,
+    cost: Costs | None = None, dt: float | None,
 ) -> HarmonicLQR | HarmonicSampledLQR: ...  # fmt: skip
 @one_blas_thread()
 def harmonic_lqr(
@@ -139,6 +141,7 @@ def harmonic_lqr(
     Q: Blocks | None = None,
     R: np.ndarray | Blocks | None = None,
     *,
+    cost: Costs | None = None,
     dt: float | None = None,
 ) -> HarmonicLQR | HarmonicSampledLQR:
     """Design state feedback harmonic by harmonic.
@@ -150,6 +153,8 @@ def harmonic_lqr(
         State weights, as `linear.weight_of` gives them; identity (twice the energy) by default.
     R : (p, p) array, or one a harmonic, optional
         Input weight of each sector, or blocks as `linear.circulant` gives them; diag(stiffness) by default.
+    cost : one Cost a harmonic, optional
+        Both of them, and cross weights, in physical terms, from `harmonic_weights`.
     dt : float, s, optional
         Control period. With it the sampled loop is designed, whose rest lengths ramp within each period and reach the
         command one period later; without it the continuous one.
@@ -163,12 +168,17 @@ def harmonic_lqr(
         raise SynthesisError(
             f"the model has {linear.nx} flexible states and {linear.nu} inputs; at least one of each is needed."
         )
-    Qs, Rs = state_weights(linear, Q), input_weights(linear, R)
-    if dt is not None:
-        return sampled_design(linear, Qs, Rs, dt)
-    solved = by_harmonic(linear, lambda block: care(block.A, block.B, Qs[block.k], Rs[block.k]))
-    residual = whole_residual(linear, [one.left for one in solved], [one.terms for one in solved])
-    return HarmonicLQR(linear, Qs, Rs, tuple(one.K for one in solved), tuple(one.X for one in solved), residual)
+    costs = checked_costs(linear, Q, R, cost)
+    if dt is not None and not (np.isfinite(dt) and dt > 0):
+        raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
+    try:
+        if dt is not None:
+            return sampled_design(linear, costs, dt)
+        solved = by_harmonic(linear, lambda block: optimal(block.A, block.B, costs[block.k]))
+    except SynthesisError:
+        name_lost(linear, lambda: harmonic_controllability(linear), "driven", "tendons that reach it")
+        raise
+    return HarmonicLQR(linear, costs, tuple(one.K for one in solved), tuple(one.P for one in solved))
 
 
 def _stable_sampled(block: Harmonic, K: np.ndarray, dt: float) -> bool:

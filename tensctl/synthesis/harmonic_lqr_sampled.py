@@ -7,7 +7,7 @@ Rest lengths ramp to each command within a period, and the cost is the integral 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -132,17 +132,14 @@ class HarmonicSampledLQR:
             yield A - B @ K
 
 
-def sampled_design(linear: HarmonicModel, Q: Sequence, R: Sequence, dt: float) -> HarmonicSampledLQR:
-    """Design with checked weights.
+def sampled_design(linear: HarmonicModel, costs: tuple[Cost, ...], dt: float) -> HarmonicSampledLQR:
+    """Design with checked weights and period.
 
     Raises
     ------
     SynthesisError
-        A period that is none, or a mode that is neither damped nor driven.
+        When a harmonic has no stabilising solution.
     """
-    if not (np.isfinite(dt) and dt > 0):
-        raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
-    costs = tuple(Cost(Q[b.k], R[b.k], np.zeros(b.B.shape)) for b in linear.blocks)
 
     def solve(block: Harmonic) -> tuple[Cost, Sampled, Optimum]:
         period, own = ramped_cost(block.A, block.B, costs[block.k], dt), sample_ramped(block.A, block.B, dt)

@@ -8,11 +8,12 @@ the P of its own equation: two Cholesky factors a harmonic, eigenvalues only whe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 import numpy as np
 
+from tensctl.analysis import HarmonicReport
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel
 from tensctl.linear.harmonic_block import Harmonic
@@ -41,16 +42,22 @@ def by_harmonic(linear: HarmonicModel, solve: Callable[[Harmonic], Solved]) -> l
     return found
 
 
-def whole_residual(linear: HarmonicModel, lefts: Sequence[float], terms: Sequence[tuple[float, ...]]) -> float:
-    """What is left of the equation of the whole structure, over the sum of its terms."""
-    copies = np.array([block.copies for block in linear.blocks])
-    return float(np.sqrt(copies @ np.square(lefts)) / np.sqrt(copies @ np.square(terms)).sum())
+def name_lost(linear: HarmonicModel, report: Callable[[], HarmonicReport], how: str, wanted: str) -> None:
+    """Refuse by name the first mode of an undamped structure that is out of reach, if there is one."""
+    lost = [] if linear.dynamics.damped else [mode for mode in report().modes if mode.verdict != "yes"]
+    if lost:
+        first, count = lost[0], sum(mode.copies for mode in lost)
+        raise SynthesisError(
+            f"harmonic {first.harmonic}: a mode at {first.frequency:.4g} Hz, one of {count}, is neither damped nor "
+            f"{how}: {first.reason}; give {wanted}, or some damping."
+        )
 
 
 def residual_of(linear: HarmonicModel, equations: Iterable[Equation], *, sampled: bool) -> float:
-    """`whole_residual`, recomputed from solutions."""
+    """What is left of the equation of the whole structure, over the sum of its terms."""
     lefts, terms = zip(*(left_over(*one, sampled=sampled) for one in equations), strict=True)
-    return whole_residual(linear, lefts, terms)
+    copies = np.array([block.copies for block in linear.blocks])
+    return float(np.sqrt(copies @ np.square(lefts)) / np.sqrt(copies @ np.square(terms)).sum())
 
 
 def stable(loop: np.ndarray, P: np.ndarray, *, sampled: bool = False) -> bool:

@@ -78,12 +78,12 @@ def weights(
     structure, nx, nu = flexible.dynamics.structure, *flexible.B.shape
     total = np.zeros((nx + nu, nx + nu))
     if energy is not None:
-        total[:nx, :nx] += 0.5 * np.eye(nx) / _positive("energy", np.array([energy]))[0]
+        total[:nx, :nx] += 0.5 * np.eye(nx) / positive_sizes("energy", np.array([energy]))[0]
     if nodes is not None:
-        sizes = _positive("nodes", by_label(structure.node_labels, nodes, "nodes", np.inf))
+        sizes = positive_sizes("nodes", by_label(structure.node_labels, nodes, "nodes", np.inf))
         total += _squares(shown(flexible, "nodes"), sizes[np.flatnonzero(structure.free) // 3])
     if tensions is not None:
-        sizes = _positive("tensions", by_label(structure.tendon_labels, tensions, "tensions", np.inf))
+        sizes = positive_sizes("tensions", by_label(structure.tendon_labels, tensions, "tensions", np.inf))
         total += _squares(shown(flexible, "tensions"), sizes)
     total[nx:, nx:] += np.diag(_of_inputs(flexible, energy, rest_lengths))
     if nu and rest_lengths is None and np.linalg.eigvalsh(total[nx:, nx:]).min() <= 0:
@@ -94,7 +94,7 @@ def weights(
 def _of_inputs(linear: LinearModel, energy: float | None, sizes: Size | None) -> np.ndarray:
     if sizes is not None:
         labels = linear.dynamics.input_labels
-        return 1 / _positive("rest_lengths", by_label(labels, sizes, "rest_lengths", np.inf)) ** 2
+        return 1 / positive_sizes("rest_lengths", by_label(labels, sizes, "rest_lengths", np.inf)) ** 2
     return np.zeros(linear.B.shape[1]) if energy is None else 0.5 * input_stiffness(linear) / energy
 
 
@@ -103,7 +103,8 @@ def _squares(linear: LinearModel, sizes: np.ndarray) -> np.ndarray:
     return scaled.T @ scaled
 
 
-def _positive(name: str, sizes: np.ndarray) -> np.ndarray:
+def positive_sizes(name: str, sizes: np.ndarray) -> np.ndarray:
+    """Allowed sizes, refused where one is no positive number."""
     wrong = ~(sizes > 0)
     if wrong.any():
         raise SynthesisError(f"{name} has the allowed size {sizes[wrong][0]:g}; a number > 0 is expected.")
