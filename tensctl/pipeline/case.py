@@ -55,6 +55,9 @@ def checks(results: Results) -> tuple[Check, ...]:
     if results.lqr is not None:
         found.append(_below("LQR: Riccati residual over its terms", results.lqr.residual, 1e-9))
         found.append(_below("LQR: real part of the slowest pole, 1/s", results.lqr.slowest, 0.0))
+    if results.scheduled is not None:
+        found.append(_below("LQR along the path: worst Riccati residual", results.scheduled.residual, 1e-9))
+        found.append(_below("LQR along the path: real part of the slowest pole, 1/s", results.scheduled.slowest, 0.0))
     if results.lqg is not None:
         found += _of_lqg(results.lqg)
     if results.path is not None:

@@ -22,7 +22,8 @@ def simulated(results: Results, clock: Clock) -> Results:
     asked, dynamics = results.scene.simulation, results.dynamics
     assert asked is not None
     assert dynamics is not None
-    controller = {"none": None, "lqr": results.lqr, "lqg": results.lqg, "mpc": results.mpc}[asked.controller]
+    regulator = results.lqr if results.scheduled is None else results.scheduled
+    controller = {"none": None, "lqr": regulator, "lqg": results.lqg, "mpc": results.mpc}[asked.controller]
     steps = 1 if controller is None else control_steps(asked.t_end, controller.dt or asked.t_end)
     with clock.stage("simulation"):
         progress = clock.progress.track(steps, "closed loop")

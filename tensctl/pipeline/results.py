@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQG, LQR, MPC, PathSurvey, SampledLQR, ShapePath
+    from tensctl.synthesis import LQG, LQR, MPC, PathSurvey, SampledLQR, ScheduledLQR, ShapePath
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,8 @@ class Results:
         What the path is like on the way.
     lqr : LQR or SampledLQR
         About the target's equilibrium where there is a target.
+    scheduled : ScheduledLQR
+        Along the path, where the run is steered by it.
     lqg : LQG
     mpc : MPC
     run : Run
@@ -63,6 +65,7 @@ class Results:
     path: ShapePath | None = None
     survey: PathSurvey | None = None
     lqr: LQR | SampledLQR | None = None
+    scheduled: ScheduledLQR | None = None
     lqg: LQG | None = None
     mpc: MPC | None = None
     run: Run | None = None

@@ -139,6 +139,7 @@ def _compute(scene: Scene, clock: Clock) -> Results:
         (scene.target is not None, _plan),
         (scene.target is not None, _survey),
         (scene.lqr is not None, _lqr),
+        (scene.target is not None and _controller(scene) == "lqr", _scheduled),
         (scene.lqg is not None, _lqg),
         (scene.mpc is not None, _mpc),
         (scene.simulation is not None, simulated),
@@ -242,6 +243,19 @@ def _lqr(results: Results, clock: Clock) -> Results:
     assert results.scene.lqr is not None
     with clock.stage("LQR"):
         return replace(results, lqr=design_lqr(results.scene.lqr, _at_target(results)))
+
+
+def _scheduled(results: Results, clock: Clock) -> Results:
+    from tensctl.pipeline.feedback import design_lqr
+    from tensctl.synthesis import scheduled_lqr
+
+    asked = results.scene.lqr
+    assert asked is not None
+    assert results.path is not None
+    assert results.dynamics is not None
+    with clock.stage("LQR along the path"):
+        found = scheduled_lqr(results.path, results.dynamics, lambda linear: design_lqr(asked, linear))
+    return replace(results, scheduled=found)
 
 
 def _lqg(results: Results, clock: Clock) -> Results:

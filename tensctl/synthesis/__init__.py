@@ -10,6 +10,7 @@ from tensctl.synthesis.harmonic_weights import harmonic_weights
 from tensctl.synthesis.lqg import LQG, lqg
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
+from tensctl.synthesis.lqr_scheduled import ScheduledLQR, scheduled_lqr
 from tensctl.synthesis.mpc import MPC, StepRecord
 from tensctl.synthesis.mpc_output import OutputMPC
 from tensctl.synthesis.mpc_weights import Weights
@@ -48,6 +49,7 @@ __all__ = [
     "ReducedModel",
     "Riccati",
     "SampledLQR",
+    "ScheduledLQR",
     "Sensors",
     "ShapePath",
     "Station",
@@ -66,6 +68,7 @@ __all__ = [
     "lqg",
     "lqr",
     "plan_shape",
+    "scheduled_lqr",
     "sensors",
     "shell_height",
     "shell_rings",
