@@ -15,6 +15,8 @@ from tensctl.synthesis.qp_daqp import DaqpSolver
 MAST = {"pins": ["P1_*_1"]}
 SIZES = {"energy_weight": 0.5, "nodes": {"P4_*": 0.002}, "tensions": 2.0, "rest_lengths": {"*": 0.1, "t5_*": 0.02}}
 
+COURSE = {"output": "P4_1_1_x", "size": 0.001, "times": [0.0, 1.0], "change": [0.0, 0.01]}
+
 
 class TestLargestChange:
     def test_is_kept_by_each_command_whatever_is_wanted(self, mast):
@@ -95,9 +97,34 @@ class TestScene:
         assert "energy of motion, nodes, tensions, rest lengths by size" in report
         assert "of what it may" in report
 
+    def test_outputs_follow_their_courses(self, tmp_path):
+        """A node goes aside and a tension up, and the report says how far they were off."""
+        courses = [
+            {"output": "P4_1_1_x", "size": 0.001, "times": [0.1, 0.4, 0.7], "change": [0.0, 0.01, 0.0]},
+            {"output": "T_t5_1_1", "size": 0.01, "times": [0.1, 0.4], "change": [0.0, 1.0]},
+        ]
+        scene = shell_scene(
+            **MAST, mpc={"horizon": 10, "follow": courses}, simulation={"t_end": 1.2, "controller": "mpc"}, report={}
+        )
+        assert tc.load_scene(written(tmp_path, scene)) == scene
+        results = tc.run(scene, tmp_path / "out")
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["mpc"]
+        assert summary["followed"].keys() == {"P4_1_1_x", "T_t5_1_1"}
+        structure, run = results.structure, results.run
+        x = run.nodes[:, structure.node_labels.index("P4_1_1"), 0]
+        tension = run.tensions[:, structure.tendon_labels.index("t5_1_1")]
+        missed = x - x[0] - np.interp(run.time, [0.1, 0.4, 0.7], [0.0, 0.01, 0.0])
+        assert summary["followed"]["P4_1_1_x"]["worst"] == pytest.approx(np.abs(missed).max(), rel=1e-6)
+        assert np.abs(missed).max() < 1e-3
+        assert tension[-1] - tension[0] == pytest.approx(1.0, abs=0.02)
+        assert "P4_1_1_x follows" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
     @pytest.mark.parametrize(
         ("key", "value", "sentence"),
         [
+            ("follow", [COURSE | {"change": [0.0]}], r"mpc.follow.*change is .* one number for each of 2 times"),
+            ("follow", [COURSE | {"size": 0.0}], "size is 0"),
+            ("preview", 1, "mpc.preview is 1"),
             ("u_max", -0.1, "mpc.u_max is -0.1; expected .* > 0"),
             ("nodes", 0, "mpc.nodes is 0"),
             ("u_mx", 0.1, "did you mean u_max"),
@@ -107,6 +134,11 @@ class TestScene:
     def test_refused(self, key, value, sentence):
         with pytest.raises(tc.SceneError, match=sentence):
             shell_scene(mpc={key: value})
+
+
+def test_courses_are_followed_by_the_state_only():
+    with pytest.raises(tc.SceneError, match=r'mpc.follow is given, but feedback = "outputs"'):
+        shell_scene(mpc={"follow": [COURSE], "feedback": "outputs"}, sensors={"lengths": 1e-4})
 
 
 def written(folder, scene):

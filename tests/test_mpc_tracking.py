@@ -10,6 +10,7 @@ import tensctl as tc
 from tensctl.simulation import Measurement
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_solvers import SOLVERS, new_solver
+from tensctl.synthesis.signal import Courses
 
 TIP = {"nodes:P4_1_1": 1e-3}
 FAR = {"tension_min": -1e6, "rate_max": 1e6}  # limits that never act
@@ -225,9 +226,22 @@ class TestSignal:
         function = tc.MPC(mast[2], signal=lambda t: rest + np.array([0.1 * min(t, 0.1), 0, 0]), **options)
         assert np.abs(table.step(0.03, seen(mast)) - function.step(0.03, seen(mast))).max() < 1e-12
 
+    def test_changes_count_from_the_path(self, mast):
+        """A course of one coordinate, the others as they are: the same as all of them in total."""
+        rest = mast[1].nodes[mast[1].structure.node_labels.index("P4_1_1")]
+        options = {"horizon": 10, "weights": tc.Weights(outputs=TIP)}
+        course = Courses({"P4_1_1_y": ([0.0, 0.1], [0.0, 0.01])})
+        changes = tc.MPC(mast[2], signal=course, **options)
+        total = tc.MPC(mast[2], signal=([0.0, 0.1], rest + np.array([[0, 0, 0], [0, 0.01, 0]])), **options)
+        asked = changes.step(0.03, seen(mast))
+        assert np.abs(asked - total.step(0.03, seen(mast))).max() < 1e-12
+        assert np.abs(asked).max() > 1e-3
+
     @pytest.mark.parametrize(
         ("weights", "signal", "sentence"),
         [
+            (TIP, Courses({"P4_2_1_x": ([0.0], [0.1])}), "P4_2_1_x has a course, but no weight"),
+            (TIP, Courses({"P4_1_1_x": ([0.0], [0.1, 0.2])}), r"of shape \(2,\)"),
             ({}, lambda t: 0.0, "a signal is given, but no output"),
             (TIP, lambda t: [1.0, 2.0], r"signal\(0\) is of shape \(2,\).*P4_1_1_x, P4_1_1_y, P4_1_1_z"),
             (TIP, lambda t: [1.0, 2.0, np.nan], "not all finite"),

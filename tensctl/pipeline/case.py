@@ -6,6 +6,7 @@ import numpy as np
 
 from tensctl import __version__
 from tensctl.pipeline.certificate import Certificate
+from tensctl.pipeline.followed import followed
 from tensctl.pipeline.results import Results
 from tensctl.report import Case, Check, Height, Limits, MpcCheck
 from tensctl.report import Push as ShownPush
@@ -161,6 +162,7 @@ def _mpc_check(results: Results) -> MpcCheck | None:
         weighed=_weighed(results),
         travel=certificate.travel,
         feedback=_feedback(mpc),
+        followed=tuple((f.label, f.reach, f.worst, f.rms) for f in followed(results)),
         parted=None if results.run is None else parting_told(results.run),
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tensctl.analysis.scaling import input_stiffness
 from tensctl.linear import LinearModel
-from tensctl.linear.outputs import Output
+from tensctl.linear.outputs import Mix, Output, safe_label
 from tensctl.scene import LqgStage, LqrStage, MpcStage, SensorsStage
 from tensctl.structure import Structure
 from tensctl.structure.labels import by_label
@@ -17,6 +17,7 @@ from tensctl.synthesis import (
     LQR,
     MPC,
     Cost,
+    Courses,
     OutputMPC,
     SampledLQR,
     Sensors,
@@ -69,7 +70,9 @@ def _eyes(seen: SensorsStage, linear: LinearModel) -> Sensors:
 
 def design_mpc(asked: MpcStage, linear: LinearModel, path: ShapePath | None) -> MPC:
     """Predictive control of the state."""
-    return MPC(linear, path=path, **_common(asked, linear))
+    courses = {safe_label(request.output): (request.times, request.change) for request in asked.follow}
+    signal = Courses(courses) if courses else None
+    return MPC(linear, path=path, signal=signal, preview=asked.preview, **_common(asked, linear))
 
 
 def design_output_mpc(asked: MpcStage, seen: SensorsStage, linear: LinearModel, path: ShapePath | None) -> OutputMPC:
@@ -88,7 +91,7 @@ def _common(asked: MpcStage, linear: LinearModel) -> dict[str, Any]:
 
 
 def mpc_weights(asked: MpcStage, structure: Structure) -> Weights:
-    """Energies by their weights, and every node and tendon that has a size by itself."""
+    """Energies by their weights, every node and tendon that has a size by itself, and what follows a course."""
     outputs: dict[Output, float] = {}
     for kind, labels, sizes, there in (
         ("nodes", structure.node_labels, asked.nodes, structure.free.any(axis=1)),
@@ -98,4 +101,6 @@ def mpc_weights(asked: MpcStage, structure: Structure) -> Weights:
             size = by_label(labels, sizes, f"mpc.{kind}", np.inf)
             named = np.flatnonzero(np.isfinite(size) & there)
             outputs |= {f"{kind}:{labels[k]}": float(size[k]) for k in named}
+    for request in asked.follow:
+        outputs[Mix({request.output: {request.output: 1.0}})] = request.size
     return Weights(asked.energy_weight, asked.input_weight, outputs, asked.rest_lengths)

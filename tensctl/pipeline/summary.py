@@ -146,6 +146,8 @@ def _on_the_way(survey: PathSurvey) -> dict:
 
 
 def _mpc(results: Results) -> dict | None:
+    from tensctl.pipeline.followed import followed
+
     mpc, run, certificate = results.mpc, results.run, results.certificate
     if mpc is None or run is None or certificate is None:
         return None
@@ -168,6 +170,7 @@ def _mpc(results: Results) -> dict | None:
         "cvxpy_cost_difference": certificate.cost_difference,
         "cvxpy_input_difference_m": certificate.input_difference,
         "terminal_riccati_residual": mpc.problem.riccati_residual,
+        "followed": {f.label: {"reach": f.reach, "worst": f.worst, "rms": f.rms} for f in followed(results)},
     } | _from_sensors(mpc)
 
 

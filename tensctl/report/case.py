@@ -88,6 +88,8 @@ class MpcCheck:
         Largest change of a rest length over the change that it is allowed.
     feedback : str
         What the controller sees.
+    followed : tuple of (label, reach, worst, rms)
+        Outputs with a course, the largest change asked of each and its distance from it, in its own unit.
     parted : str, optional
         Where predicted tensions and those of the structure part company; None where they never do.
     """
@@ -102,6 +104,7 @@ class MpcCheck:
     weighed: str = ""
     travel: float | None = None
     feedback: str = ""
+    followed: tuple[tuple[str, float, float, float], ...] = ()
     parted: str | None = None
 
 

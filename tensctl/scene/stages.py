@@ -106,6 +106,23 @@ class LqgStage(FeedbackStage):
     order: Annotated[int | None, Number("states", least=1, whole=True)] = None
 
 
+class FollowRequest(Section):
+    """`[[mpc.follow]]`: an output that leaves what it is on the path, by a change that is linear between times."""
+
+    output: Annotated[str, Text("the label of an output, like P4_1_1_x, l_t5_1_1 or T_t5_1_1")]
+    size: Annotated[float, Number("in the output's unit", above=0)]
+    times: Annotated[tuple[float, ...], Numbers("s")]
+    change: Annotated[tuple[float, ...], Numbers("in the output's unit")]
+
+    @model_validator(mode="after")
+    def _a_course(self) -> Self:
+        if len(self.change) != len(self.times):
+            raise complaint(
+                f"is {shown(self.change)}; expected one number for each of {len(self.times)} times", "change"
+            )
+        return self
+
+
 class MpcStage(CostStage):
     """`[mpc]`: predictive control with limits on tension, rest length, its change and its rate.
 
@@ -125,6 +142,14 @@ class MpcStage(CostStage):
     track: Annotated[tuple[str, ...], Texts("labels of sensors", '["l_*", "P4_1_1_z"]')] = ()  # none: shape, or all
     force_noise: Annotated[float, Number("N s^1/2", above=0)] = 0.001
     drift: Annotated[float, Number("1/s^1/2", above=0)] = 1.0
+    preview: bool = Field(default=True, strict=True)
+    follow: tuple[FollowRequest, ...] = ()
+
+    @model_validator(mode="after")
+    def _follows_by_state(self) -> Self:
+        if self.follow and self.feedback == "outputs":
+            raise complaint('is given, but feedback = "outputs" holds a shape or a path; expected "states"', "follow")
+        return self
 
 
 class PushRequest(Section):

@@ -20,6 +20,7 @@ from tensctl.synthesis.path import ShapePath
 from tensctl.synthesis.plan import plan_shape
 from tensctl.synthesis.riccati import Riccati, care, dare
 from tensctl.synthesis.sensors import Reading, Sensors, sensors
+from tensctl.synthesis.signal import Courses
 from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.survey import PathSurvey, Station, survey
 from tensctl.synthesis.target import Feature, Linear, Twist, shell_height, shell_rings
@@ -33,6 +34,7 @@ __all__ = [
     "MPC",
     "Condensed",
     "Cost",
+    "Courses",
     "Feature",
     "HarmonicKalman",
     "HarmonicLQG",

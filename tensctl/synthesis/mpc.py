@@ -135,7 +135,7 @@ class MPC:
         answer kept; `linear.condensed` lists them.
     path : ShapePath, optional
         What to follow; the linear model's equilibrium by default.
-    signal : function of time, or (times, values), optional
+    signal : function of time, (times, values), or Courses, optional
         What the outputs that `weights` names should be, in total and in their own units, (ny,) or (times, ny); straight
         lines between times, held at the ends. Without it they should be what they are on the path.
     preview : bool
@@ -321,7 +321,9 @@ class MPC:
         if self.signal is None or follows is None:
             return None
         told = self.signal.at(times if self.preview else np.full(self.horizon, t))
-        return (told - outputs_along(self.reference, follows.weighed.linear, times)) / follows.weighed.sizes
+        if not self.signal.about_path:
+            told = told - outputs_along(self.reference, follows.weighed.linear, times)
+        return told / follows.weighed.sizes
 
     def _when_it_acts(self, piece: _Piece, state: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """State and inputs, deviations from the model's equilibrium, when the next command begins to act."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,21 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
 from tensctl.synthesis.mpc_weights import Weights
 
-Wanted = Callable[[float], Any] | tuple[Any, Any]
+
+@dataclass(frozen=True, eq=False)
+class Courses:
+    """Courses of some outputs about what they are on the path; the other weighted outputs stay there.
+
+    Attributes
+    ----------
+    table : by output label of (times, values)
+        s, and deviations in the output's own unit; straight lines between times, held at the ends.
+    """
+
+    table: Mapping[str, tuple[Sequence[float], Sequence[float]]]
+
+
+Wanted = Callable[[float], Any] | tuple[Any, Any] | Courses
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +37,17 @@ class Signal:
     Attributes
     ----------
     labels : tuple of str
-    given : function of time, or (times, values)
-        Values in the outputs' own units, in total, (ny,) or (times, ny).
+    given : function of time, (times, values), or Courses
+        Values in the outputs' own units, in total but for courses, (ny,) or (times, ny).
     """
 
     labels: Sequence[str]
     given: Wanted
+
+    @property
+    def about_path(self) -> bool:
+        """Whether values are deviations from the path."""
+        return isinstance(self.given, Courses)
 
     def at(self, times: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k ny"]:
         """Values at times.
@@ -39,15 +58,24 @@ class Signal:
             Values of another shape or not finite.
         """
         if isinstance(self.given, tuple):
-            return self._between(times)
+            return self._between(times, self.given, self.labels)
+        if isinstance(self.given, Courses):
+            return self._courses(times, self.given)
         return np.stack([self._checked(f"signal({t:g})", self.given(float(t)), (len(self.labels),)) for t in times])
 
-    def _between(self, times: np.ndarray) -> np.ndarray:
-        assert isinstance(self.given, tuple)
-        knots = np.asarray(self.given[0], float)
+    def _courses(self, times: np.ndarray, given: Courses) -> np.ndarray:
+        values = np.zeros((len(times), len(self.labels)))
+        for label, course in given.table.items():
+            if label not in self.labels:
+                raise SynthesisError(f"{label} has a course, but no weight; weighted are {', '.join(self.labels)}.")
+            values[:, self.labels.index(label)] = self._between(times, course, (label,))[:, 0]
+        return values
+
+    def _between(self, times: np.ndarray, given: tuple[Any, Any], labels: Sequence[str]) -> np.ndarray:
+        knots = np.asarray(given[0], float)
         if knots.ndim != 1 or not knots.size or not np.isfinite(knots).all() or (np.diff(knots) <= 0).any():
             raise SynthesisError("the times of a signal do not ascend; expected finite times, each after the last, s.")
-        values = self._checked("the signal's table", self.given[1], (knots.size, len(self.labels)))
+        values = self._checked("the signal's table", given[1], (knots.size, len(labels)))
         return np.stack([np.interp(times, knots, column) for column in values.T], axis=1)
 
     def _checked(self, name: str, given: Any, shape: tuple[int, ...]) -> np.ndarray:

@@ -21,7 +21,7 @@ from tensctl.synthesis.condensed import Condensed
 # mast that grows by a fifth gaps stay below this at 95 steps of 100, and only steps under a push are told.
 _SHORT = 0.1
 # Part of the predicted tension that has to be there. A gap alone is not told: with stiffnesses 5 % wrong it is above
-# half of a floor of 0.1 N at nine steps in ten, while no tendon has less than 1 N.
+# half of a floor of 0.1 N at every other step, while no tendon has less than 1.2 N.
 _LEFT = 0.5
 # Tensions below this part of the largest are rounding.
 _ROUNDING = 1e-9
