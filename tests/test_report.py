@@ -130,6 +130,10 @@ class FakePath:
     target_nodes: np.ndarray
     description: str
 
+    @property
+    def played(self):
+        return self
+
 
 @dataclass(frozen=True)
 class FakeRun:

@@ -110,6 +110,15 @@ class TestLegs:
         for k in (0, 8, 20, 28):
             assert np.abs(path.nodes_of(k) - path.equilibria[k].nodes).max() < 1e-13
 
+    def test_played_frames_keep_rods(self, path):
+        frames, structure = path.played, path.target.structure
+        ends = frames.nodes[:, structure.rods]
+        lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+        assert np.abs(lengths / structure.rod_lengths - 1).max() < 1e-13
+        assert (frames.time[0], frames.time[-1]) == pytest.approx((path.time[0], path.time[-1]))
+        assert np.abs(frames.nodes[-1] - path.target.nodes).max() < 1e-13
+        assert np.abs(frames.tensions[60] - path.equilibria[8].tensions).max() < 1e-12
+
     def test_full_round_comes_back(self, rest):
         way = {"waypoint": [{"tip": [0.1, 0.05]}, {"circle": "tip", "duration": 8.0}]}
         path = tc.plan_shape(SCENE, way, start=rest, tension_min=0.1)

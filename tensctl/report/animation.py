@@ -33,7 +33,7 @@ class Motion:
 
 def motion_of(case: Case) -> Motion:
     """The best motion that the case has: run, else planned path, else rest, else the shape as built."""
-    for source, recorded in (("run", case.run), ("path", case.path)):
+    for source, recorded in (("run", case.run), ("path", None if case.path is None else case.path.played)):
         if recorded is None:
             continue
         finite = np.isfinite(recorded.nodes).all(axis=(1, 2)) & np.isfinite(recorded.tensions).all(axis=1)

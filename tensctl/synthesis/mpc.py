@@ -43,7 +43,7 @@ from tensctl.threads import one_blas_thread
 # An answer whose KKT residual is larger is refused.
 _ACCEPT = 1e-6
 # Planned equilibria between two linear models. On the (3,1) mast that grows by a fifth, 1, 2, 4 and 8 stay equally near
-# the reference (2.6 mm at worst); more models cost set-up only and are there for longer ways.
+# the reference (1.6 mm at worst); more models cost set-up only and are there for longer ways.
 _STRIDE = 2
 # A shortfall below this, N, is none: a solver that saw no solution was wrong, and the floors are kept after all.
 _KEPT = 1e-9

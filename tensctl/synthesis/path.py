@@ -24,6 +24,26 @@ from tensctl.synthesis.tension_room import stalled
 _TICK = 1e-5
 
 
+# Frames of a leg when a path is played: 0.03 s each on a leg of 2 s, and rods keep their lengths between two of them.
+_FRAMES = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """A path as it is played.
+
+    Attributes
+    ----------
+    time : (t,) s
+    nodes : (t, N, 3) m
+    tensions : (t, nt) N
+    """
+
+    time: Float[np.ndarray, " t"]
+    nodes: Float[np.ndarray, "t nodes 3"]
+    tensions: Float[np.ndarray, "t tendons"]
+
+
 @dataclass(frozen=True, eq=False)
 class ShapePath:
     """Planned equilibria and when to be there.
@@ -135,6 +155,13 @@ class ShapePath:
     def knot_at(self, t: float) -> int:
         """Index of the planned equilibrium nearest to the reference."""
         return int(np.rint(float(self.place(t))))
+
+    @cached_property
+    def played(self) -> Frames:
+        """The reference at equal steps of time on each leg, tensions at rest."""
+        legs = [leg.start + leg.duration * np.arange(_FRAMES) / _FRAMES for leg in self.legs]
+        time = np.append(np.concatenate(legs), self.start + self.duration)
+        return Frames(time, np.stack([self.nodes_at(t) for t in time]), self.balanced_tensions_at(time))
 
     @cached_property
     def fastest(self) -> float:
