@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import MIXED_PINS, random_motion, shell_scene, taylor_order
 
+import tensctl as tc
 from tensctl.elements import Hold, Potential
 
 PINS = {"free": (), "mixed": MIXED_PINS}
@@ -49,6 +50,40 @@ def test_logarithm_undoes_retract(seed, reach):
     moved = manifold.retract(nodes, step)
     assert np.abs(manifold.logarithm(nodes, moved) - step).max() < 1e-14 + 1e-13 * np.abs(step).max()
     assert np.abs(manifold.retract(nodes, manifold.logarithm(nodes, moved)) - moved).max() < 1e-14
+
+
+def joined_and_planar():
+    """A class 2 shell, whose rods share nodes, and a cross in its plane."""
+    cross = tc.planar(
+        {"a": [0, 0], "b": [1, 1], "c": [1, 0], "d": [0, 1]}, {"one": ["a", "b"], "two": ["c", "d"]}, {"t": ["a", "c"]}
+    )
+    return {
+        "joined": shell_scene(3, 2, cls=2),
+        "planar": tc.Scene(structure=cross),
+        "mixed": shell_scene(pins=MIXED_PINS),
+    }
+
+
+@pytest.mark.parametrize("kind", ["joined", "planar", "mixed"])
+@pytest.mark.parametrize("reach", [0.0, 1e-9, 0.1])
+def test_a_compiled_retraction_is_retract(kind, reach):
+    """Two statements of one chart, compiled and not, agree to rounding."""
+    potential = Potential.of(joined_and_planar()[kind])
+    manifold, nodes = potential.manifold, potential.structure.nodes
+    step = reach * tangent_step(potential, 3)
+    own = manifold.basis(nodes) @ step if kind == "joined" else step
+    assert np.abs(manifold.retraction(nodes)(own) - manifold.retract(nodes, step)).max() < 1e-14
+
+
+def test_a_chart_at_hand_tells_what_logarithm_and_velocity_tell(potential, reference, rng):
+    manifold = potential.manifold
+    nodes, velocities = (
+        manifold.retract(reference, 0.1 * rng.standard_normal(manifold.size)),
+        random_motion(potential, rng)[1],
+    )
+    xi, rate = manifold.chart(reference).at(nodes, velocities)
+    assert (xi == manifold.logarithm(reference, nodes)).all()
+    assert (rate == manifold.velocity(reference, nodes, velocities)).all()
 
 
 def test_rods_keep_their_lengths_and_pins_their_places(potential):

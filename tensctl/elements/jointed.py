@@ -14,8 +14,10 @@ of a pivoted QR. Rows that are redundant there and nowhere else lock or branch, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as sla
@@ -26,6 +28,9 @@ from scipy.sparse.csgraph import connected_components
 from tensctl.elements.manifold import RodManifold
 from tensctl.errors import StructureError
 from tensctl.structure import Structure
+
+if TYPE_CHECKING:
+    from tensctl.elements.great_circle import JoinedCircles
 
 # A diagonal of the pivoted QR below this part of the first is a redundant joint.
 _REDUNDANT = 1e-9
@@ -190,12 +195,22 @@ class JointedManifold:
         moved[has_rod] = ends[self.shown[has_rod]]
         return np.where(self._held.reshape(-1, 3), self.anchor, moved)
 
+    def chart(self, reference: Float[np.ndarray, "nodes 3"]) -> JoinedCircles:
+        """The chart about a reference shape, for many shapes near it."""
+        from tensctl.elements.great_circle import JoinedCircles
+
+        down = sp.csr_array(self.basis(reference).T @ sp.diags_array(1 / self.weights))
+        return JoinedCircles(self.ends.chart(reference[self.end_node]), self.end_node, down)
+
+    def retraction(self, nodes: Float[np.ndarray, "nodes 3"]) -> Callable[[np.ndarray], np.ndarray]:
+        """`tied` from one shape, for many steps of the rods' own coordinates."""
+        return partial(self.tied, nodes)
+
     def logarithm(
         self, reference: Float[np.ndarray, "nodes 3"], nodes: Float[np.ndarray, "nodes 3"]
     ) -> Float[np.ndarray, " size"]:
         """Chart of nodes about a reference: the rods' great-circle chart, projected square to the mass metric."""
-        xi = self.ends.logarithm(reference[self.end_node], nodes[self.end_node])
-        return self.basis(reference).T @ (xi / self.weights)
+        return self.chart(reference).at(nodes, np.zeros_like(nodes))[0]
 
     def velocity(
         self,
@@ -204,8 +219,7 @@ class JointedManifold:
         velocities: Float[np.ndarray, "nodes 3"],
     ) -> Float[np.ndarray, " size"]:
         """Rate of `logarithm` when the nodes move, m/s."""
-        at_ends = (array[self.end_node] for array in (reference, nodes, velocities))
-        return self.basis(reference).T @ (self.ends.velocity(*at_ends) / self.weights)
+        return self.chart(reference).at(nodes, velocities)[1]
 
     def coordinates_of(
         self, nodes: Float[np.ndarray, "nodes 3"], motion: Float[np.ndarray, "coordinates k"]

@@ -200,17 +200,29 @@ class LinearModel:
         A sub-model without rigid-body modes sees a free structure from its co-moving frame, with the rates of drifting
         modes along its axes; the full model of a free structure measures in the world.
         """
-        frame = None if any(m.kind == "rigid-body" for m in self.modes) else self.frame(nodes, velocities)
+        frame = None if self._in_world else self.frame(nodes, velocities)
         seen, rates, drift = nodes, velocities, velocities
         if frame is not None:
             seen, rates, drift = frame.nodes(nodes), frame.velocities(nodes, velocities), velocities @ frame.rotation
-        manifold, at = self.equilibrium.potential.manifold, self.equilibrium.nodes
-        weight = manifold.mass(self.dynamics.members.mass)
-        eta = self.shapes.T @ (weight * manifold.logarithm(at, seen))
-        parts = [self.scales * eta, self.shapes.T @ (weight * manifold.velocity(at, seen, rates))]
+        count, down = len(self.modes), self._to_modes
+        xi, rate = self._chart.at(seen, rates)
+        parts = [self.scales * (down[:count] @ xi), down[:count] @ rate]
         if self.drifting:
-            parts.append(self._shapes_of(self.drifting).T @ (weight * manifold.velocity(at, seen, drift)))
+            parts.append(down[count:] @ self._chart.at(seen, drift)[1])
         return np.concatenate(parts)[self.order]
+
+    @cached_property
+    def _in_world(self) -> bool:
+        return any(mode.kind == "rigid-body" for mode in self.modes)
+
+    @cached_property
+    def _chart(self):
+        return self.equilibrium.potential.manifold.chart(self.equilibrium.nodes)
+
+    @cached_property
+    def _to_modes(self) -> np.ndarray:
+        """Modal coordinates from tangent coordinates: Phi' M."""
+        return self._moving.T * self.equilibrium.potential.manifold.mass(self.dynamics.members.mass)
 
     def sample(self, dt: float, *, method: Method = "zoh", delay: float = 0.0) -> Discrete:
         """The model in discrete time, exactly: see `tensctl.linear.discrete.sample`.

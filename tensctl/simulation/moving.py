@@ -47,8 +47,8 @@ class Moving:
             self._due = u
         else:
             self.actuators.command(u, period)
-        records = _records(controller)
-        self._status = records[-1].status if records else "ok"
+        last = _last_record(controller)
+        self._status = "ok" if last is None else last.status
         self._record.mark(t, self._status)
 
     def act(self, period: float) -> None:
@@ -138,6 +138,12 @@ class Moving:
         length = structure.lengths_at(nodes[0])
         tension = tensions_at(self._dynamics, nodes, velocities, length[None], rest[None])
         return Measurement(nodes[0], velocities[0], length, tension[0], self.actuators.inputs)
+
+
+def _last_record(controller: Controller | None) -> StepRecord | None:
+    """What a controller recorded of its latest step."""
+    kept = getattr(controller, "records", None)
+    return kept[-1] if isinstance(kept, list) and kept and isinstance(kept[-1], StepRecord) else None
 
 
 def _records(controller: Controller | None) -> list[StepRecord]:

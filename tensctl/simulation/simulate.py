@@ -29,6 +29,7 @@ from tensctl.simulation.schedule import Schedule
 from tensctl.simulation.state import state_at
 from tensctl.simulation.store import Store
 from tensctl.simulation.times import ascends
+from tensctl.threads import one_blas_thread
 
 # Control period, s, of a controller that names none: the scene's own default.
 _PERIOD = 0.02
@@ -103,7 +104,8 @@ def simulate(
         controller.reset()
     moving.begin(course.edges[0])
     file = None if store is None else Store(Path(store), dynamics, request)
-    return follow(moving, course, controller, progress, file)
+    with one_blas_thread():
+        return follow(moving, course, controller, progress, file)
 
 
 def _check(tol: float, rate_max: float, method: str, controller: Controller | None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
@@ -95,7 +96,7 @@ class Members:
         """The change u from L0 that rest lengths amount to, m; the nearest one where gangs do not fit exactly."""
         return self.gearing.gather((self.rest_lengths - rest_lengths)[..., self.inputs])
 
-    @property
+    @cached_property
     def input_bounds(self) -> tuple[Float[np.ndarray, " inputs"], Float[np.ndarray, " inputs"]]:
         """Least and largest u at which every rest length keeps its floor, m."""
         return self.gearing.bounds((self.rest_lengths - self.floors)[self.inputs])

@@ -78,7 +78,7 @@ class Structure:
         """Rod vectors q2 = p2 - p1 ([S] Theorem 3.1), m."""
         return self.nodes[self.rods[:, 1]] - self.nodes[self.rods[:, 0]]
 
-    @property
+    @cached_property
     def rod_lengths(self) -> Float[np.ndarray, " rods"]:
         """Rod lengths, m; rods are rigid, so these hold for ever."""
         return np.linalg.norm(self.rod_vectors, axis=1)

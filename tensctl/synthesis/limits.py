@@ -31,6 +31,8 @@ class Limits:
         From the rest-length floors and the largest change of a rest length.
     change_lower, change_upper : (N, nu) m
         From the rate limit and the reference's own motion.
+    about : (N, nu) m
+        The reference's inputs, from which v deviates.
     wanted : (N, ny), optional
         What is wanted of the weighted outputs over their sizes, deviations from the reference; None without a signal.
     """
@@ -41,6 +43,7 @@ class Limits:
     input_upper: Float[np.ndarray, "N nu"]
     change_lower: Float[np.ndarray, "N nu"]
     change_upper: Float[np.ndarray, "N nu"]
+    about: Float[np.ndarray, "N nu"]
     wanted: Float[np.ndarray, "N ny"] | None = None
 
     def assemble(self, problem: Condensed) -> QP:

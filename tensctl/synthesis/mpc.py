@@ -300,9 +300,9 @@ class MPC:
         here = linear.state_of(self.reference.nodes_at(acts), self.reference.velocities_at(acts))
         state = linear.state_of(measurement.nodes, measurement.velocities)
         state, inputs = self._when_it_acts(piece, state, measurement.inputs - rest)
-        ahead = self._ahead(t)
-        before = np.vstack([self.reference.inputs_at(acts), ahead[:-1]])
-        tensions = self.reference.tensions_at(self._times(t))
+        times = acts + self.dt * np.arange(self.horizon + 1)
+        course, tensions = self.reference.inputs_at(times), self.reference.tensions_at(times[1:])
+        before, ahead = course[:-1], course[1:]
         reach = self._reach
         lower, upper = self.input_range
         return Limits(
@@ -312,12 +312,13 @@ class MPC:
             input_upper=upper - ahead,
             change_lower=-reach - (ahead - before),
             change_upper=reach - (ahead - before),
-            wanted=self._wanted(t, piece),
+            about=ahead,
+            wanted=self._wanted(piece, t, times[1:]),
         )
 
-    def _wanted(self, t: float, piece: _Piece) -> Float[np.ndarray, "N ny"] | None:
+    def _wanted(self, piece: _Piece, t: float, times: np.ndarray) -> Float[np.ndarray, "N ny"] | None:
         """What is wanted of the outputs at the ends of the coming periods: deviations from the path, over sizes."""
-        follows, times = piece.problem.following, self._times(t)
+        follows = piece.problem.following
         if self.signal is None or follows is None:
             return None
         told = self.signal.at(times if self.preview else np.full(self.horizon, t))
@@ -348,13 +349,6 @@ class MPC:
             input_reach(dynamics.structure, dynamics.members, self.u_max),
         )
         return np.maximum(lower, -reach), np.minimum(upper, reach)
-
-    def _times(self, t: float) -> np.ndarray:
-        return t + self.delay + self.dt * np.arange(1, self.horizon + 1)
-
-    def _ahead(self, t: float) -> Float[np.ndarray, "N nu"]:
-        """Reference inputs at the ends of the coming periods."""
-        return self.reference.inputs_at(self._times(t))
 
     def _piece(self, knot: int) -> _Piece:
         """Linear model and problem for a planned equilibrium, built once for every `_STRIDE` of them."""
@@ -402,8 +396,7 @@ class MPC:
         nu = limits.input_upper.shape[1]
         if self._plan is None:
             return np.broadcast_to(limits.start[-nu:], limits.input_upper.shape).copy()
-        reference = self.input_range[1] - limits.input_upper
-        return self._continued(self._plan) - reference
+        return self._continued(self._plan) - limits.about
 
     @staticmethod
     def _continued(plan: np.ndarray) -> np.ndarray:

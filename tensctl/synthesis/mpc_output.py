@@ -216,17 +216,11 @@ class OutputMPC(MPC):
         state = state + self._carried @ d
         at_rest = np.concatenate([target.state, target.inputs])
         margin = self._margin + problem.tension @ at_rest + self._tension_shown @ d
-        ahead, start = self._ahead(t), np.concatenate([state, inputs]) - at_rest
+        ahead = np.tile(rest.inputs + target.inputs, (self.horizon, 1))
+        start, margin = np.concatenate([state, inputs]) - at_rest, np.broadcast_to(margin, (self.horizon, margin.size))
         lower, upper = self.input_range
         reach = np.broadcast_to(self._reach, ahead.shape)
-        return Limits(
-            start, np.broadcast_to(margin, (self.horizon, margin.size)), lower - ahead, upper - ahead, -reach, reach
-        )
-
-    def _ahead(self, t: float) -> Float[np.ndarray, "N nu"]:
-        """Inputs of the target, for the whole horizon."""
-        assert self._looked is not None
-        return np.tile(self.linear.equilibrium.inputs + self._looked.target.inputs, (self.horizon, 1))
+        return Limits(start, margin, lower - ahead, upper - ahead, -reach, reach, ahead)
 
     def _look(self, t: float, reading: Reading) -> _Look:
         """Estimate and target of a reading; the controller's memory stays as it is."""

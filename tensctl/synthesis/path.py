@@ -126,6 +126,8 @@ class ShapePath:
 
     def inputs_at(self, t: float | np.ndarray) -> np.ndarray:
         """Reference rest-length change u, (nu,) or (..., nu) m, inertia included."""
+        if self._over(t):
+            return _held(self.target.inputs, t)
         return self.balanced_inputs_at(t) + self._moving(self._sample(t))[..., : self.target.inputs.size]
 
     def balanced_inputs_at(self, t: float | np.ndarray) -> np.ndarray:
@@ -134,6 +136,8 @@ class ShapePath:
 
     def tensions_at(self, t: float | np.ndarray) -> np.ndarray:
         """Reference tensions, (nt,) or (..., nt) N, inertia included; negative where a motion is too fast."""
+        if self._over(t):
+            return _held(self.target.tensions, t)
         return self.balanced_tensions_at(t) + self._moving(self._sample(t))[..., self.target.inputs.size :]
 
     def balanced_tensions_at(self, t: float | np.ndarray) -> np.ndarray:
@@ -142,14 +146,16 @@ class ShapePath:
 
     def nodes_at(self, t: float) -> Float[np.ndarray, "nodes 3"]:
         """Reference nodes, m, with exact rod lengths."""
-        return self.nodes_of(self.place(t))
+        return self.target_nodes if self._over(t) else self.nodes_of(self.place(t))
 
     def nodes_of(self, place: float | np.ndarray) -> Float[np.ndarray, "nodes 3"]:
         """Nodes at a place on the path, m; a little beyond its ends too."""
-        return self.target.potential.manifold.tied(self.equilibria[0].nodes, self._chart(place))
+        return self._placed(self._chart(place))
 
     def velocities_at(self, t: float) -> Float[np.ndarray, "nodes 3"]:
         """Reference node velocities, m/s."""
+        if t <= self.start or self._over(t):
+            return np.zeros_like(self.target_nodes)
         return (self.nodes_at(t + _TICK) - self.nodes_at(t - _TICK)) / (2 * _TICK)
 
     def knot_at(self, t: float) -> int:
@@ -195,6 +201,14 @@ class ShapePath:
     def _tensions(self):
         return self._spline(self.tensions)
 
+    def _over(self, t: float | np.ndarray) -> bool:
+        """Whether the path has come to its end by all of these times."""
+        return bool(np.min(t) >= self.start + self.duration)
+
+    @cached_property
+    def _placed(self):
+        return self.target.potential.manifold.retraction(self.equilibria[0].nodes)
+
     @cached_property
     def _chart(self):
         manifold, first = self.target.potential.manifold, self.equilibria[0].nodes
@@ -222,6 +236,10 @@ class ShapePath:
                     f"planned shape {k} is {equilibrium.stable}, its lowest tension {lowest:.3g} N; "
                     f"stable and at least {tension_min:g} N are expected."
                 )
+
+
+def _held(last: np.ndarray, t: float | np.ndarray) -> np.ndarray:
+    return np.broadcast_to(last, (*np.shape(t), last.size))
 
 
 def _splines(values: np.ndarray, steps: list[int]):

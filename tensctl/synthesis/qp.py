@@ -44,7 +44,14 @@ class QP:
 
     def violation(self, z: Float[np.ndarray, " n"]) -> float:
         """Largest amount by which z breaks a bound, in the bound's unit."""
-        values = np.concatenate([z, self.A @ z])
+        return self.broken(self.values(z))
+
+    def values(self, z: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n_plus_r"]:
+        """What is bounded: (z, A z)."""
+        return np.concatenate([z, self.A @ z])
+
+    def broken(self, values: Float[np.ndarray, " n_plus_r"]) -> float:
+        """Largest amount by which values leave their bounds."""
         return float(max((self.lower - values).max(), (values - self.upper).max(), 0.0))
 
     def kkt_residual(self, z: Float[np.ndarray, " n"], y: Float[np.ndarray, " n_plus_r"]) -> float:
@@ -54,17 +61,18 @@ class QP:
         bounds, each over the size of what it is measured against.
         """
         n = self.f.size
-        values = np.concatenate([z, self.A @ z])
+        values = self.values(z)
         pull = self.H @ z
-        push = y[:n] + self.A.T @ y[n:]
+        acting = np.flatnonzero(y[n:])
+        push = y[:n] + y[n:][acting] @ self.A[acting]
         scale = max(np.abs(pull).max(), np.abs(self.f).max(), np.abs(push).max(), _TINY)
         stationary = np.abs(pull + self.f + push).max() / scale
         reach = max(np.abs(values).max(), _TINY)
-        above, below = np.maximum(y, 0.0), np.maximum(-y, 0.0)
-        gaps = np.where(y > 0, self.upper - values, values - self.lower)
-        slack = np.where((above > 0) | (below > 0), np.abs(y) * np.minimum(np.abs(gaps), reach), 0.0)
+        pulls = np.flatnonzero(y)
+        gaps = np.where(y[pulls] > 0, self.upper[pulls] - values[pulls], values[pulls] - self.lower[pulls])
+        slack = np.abs(y[pulls]) * np.minimum(np.abs(gaps), reach)
         size = max(np.abs(y).max(), scale)
-        return float(max(stationary, self.violation(z) / reach, slack.max() / (size * reach)))
+        return float(max(stationary, self.broken(values) / reach, slack.max(initial=0.0) / (size * reach)))
 
 
 @dataclass(frozen=True, eq=False)

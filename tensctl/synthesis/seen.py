@@ -37,12 +37,10 @@ def seen(structure: Structure, measurement: Measured | None, inputs: Float[np.nd
     """The sample, with inputs that are known in any case; None where it tells no state of the structure."""
     if measurement is None:
         return None
-    tail, head = measurement.nodes[structure.rods[:, 0]], measurement.nodes[structure.rods[:, 1]]
-    moving = measurement.velocities[structure.rods]
-    if not (np.isfinite(tail).all() and np.isfinite(head).all() and np.isfinite(moving).all()):
-        return None
-    stretch = np.linalg.norm(head - tail, axis=1) / structure.rod_lengths - 1.0
-    return Seen(measurement.nodes, measurement.velocities, inputs) if np.abs(stretch).max() <= _FITS else None
+    ends, moving = measurement.nodes[structure.rods], measurement.velocities[structure.rods]
+    stretch = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / structure.rod_lengths - 1.0
+    fits = np.abs(stretch).max() <= _FITS  # never of numbers that are missing
+    return Seen(measurement.nodes, measurement.velocities, inputs) if fits and np.isfinite(moving).all() else None
 
 
 def known_inputs(measured: np.ndarray | None, believed: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:
