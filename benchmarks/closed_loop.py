@@ -28,10 +28,11 @@ class Idle:
     dt = DT
 
     def step(self, t, measurement):
+        """Where they are."""
         return measurement.inputs
 
     def reset(self):
-        pass
+        """Nothing to forget."""
 
 
 def main():

@@ -24,7 +24,7 @@ def test_charts_come_back(scene):
     manifold, reference = potential.manifold, potential.structure.nodes
     nodes, _ = random_motion(potential, np.random.default_rng(2), reach=0.3)
     assert np.abs(nodes - reference).max() > 0.1
-    back = manifold.tied(reference, manifold.untied(reference, nodes))
+    back = manifold.retraction(reference)(manifold.untied(reference, nodes))
     assert np.abs(back - nodes).max() < 1e-13
 
 

@@ -238,7 +238,7 @@ class MPC:
         relaxed = 0.0 if hard else limits.shortfall(piece.problem, plan)
         if relaxed <= _KEPT:
             status, relaxed = status.removesuffix(" relaxed"), 0.0
-        plan = plan + self._ahead(t)
+        plan = plan + limits.about
         record = StepRecord(t, status, perf_counter() - began, kkt, relaxed, part.gap, part.tendon)
         command = self._command_of(plan, now, record)
         self._predicted = self._prediction(t, piece, limits, command)
@@ -267,7 +267,7 @@ class MPC:
     def _prediction(self, t: float, piece: _Piece, limits: Limits, command: np.ndarray) -> Float[np.ndarray, " nt"]:
         """Tensions at the next sample by the linear model, N; nan for tendons without a floor."""
         before = limits.start[-command.size :]
-        inputs = before + (1 - self.delay / self.dt) * (command - self._ahead(t)[0] - before)
+        inputs = before + (1 - self.delay / self.dt) * (command - limits.about[0] - before)
         margin, tendons = self._margin_at_next(t, piece, limits), len(self.linear.dynamics.structure.tendons)
         return expected(piece.problem, piece.until_next, limits.start, inputs, margin, self.tension_min, tendons)
 
