@@ -272,6 +272,8 @@ class MPC:
         return expected(piece.problem, piece.until_next, limits.start, inputs, margin, self.tension_min, tendons)
 
     def _margin_at_next(self, t: float, piece: _Piece, limits: Limits) -> Float[np.ndarray, " nT"]:
+        if not self.delay:
+            return limits.tension_margin[0]
         return piece.problem.margin(self.reference.tensions_at(t + self.dt), self.tension_min)
 
     def _inputs_now(self, t: float, measurement: Measured | None) -> np.ndarray:

@@ -14,8 +14,8 @@ from tensctl.synthesis.polish import polish
 from tensctl.synthesis.qp import QP, Solution, judged
 from tensctl.synthesis.qp_stages import Stages
 
-# Its own tolerance. With 1e-10 one answer in 191 stopped where the limits that act could not be told (KKT 1.5e-10, first
-# input off by 4e-9 m); an iteration more puts all of them on their limits.
+# Its own tolerance. With 1e-10 one answer in 191 stopped where the limits that act could not be told (KKT 1.5e-10, its
+# first input off by 4e-9 m); an iteration more puts all of them on their limits.
 _TOL = 1e-12
 # Iterations that it may take; 30 were the most seen.
 _MOST = 50
