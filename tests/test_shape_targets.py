@@ -11,6 +11,7 @@ import tensctl as tc
 from tensctl.elements import Potential
 from tensctl.scene import TargetStage
 from tensctl.simulation.clearance import Segments, clearance
+from tensctl.synthesis import too_quick
 from tensctl.synthesis.target import features_of
 
 PINS = ["P1_*_1"]
@@ -149,12 +150,19 @@ def test_the_bent_mast_of_the_examples():
     assert ring(path.target, 4, 4).mean(axis=0)[:2] == pytest.approx([0.8, 0.0], abs=1e-10)
 
 
-def test_inertia_is_small_beside_the_shape_change():
-    """In 3 s the bent (8,4) mast needs millimetres for it, though some directions hardly pull at anything."""
-    path = tc.plan_shape(tc.load_scene(EXAMPLES / "mast_8_4_bends.toml"), tension_min=0.1)
-    time = path.start + path.duration * np.linspace(0, 1, 65)
-    assert np.abs(path.inputs_at(time) - path.balanced_inputs_at(time)).max() < 0.01
-    assert np.abs(path.tensions_at(time) - path.balanced_tensions_at(time)).max() < 1.0
+def test_the_bent_mast_follows_without_feedback():
+    """(8,4), undamped: what little the tendons pull at its bending is enough to follow, in the time that it has."""
+    scene = tc.load_scene(EXAMPLES / "mast_8_4_bends.toml")
+    path = tc.plan_shape(scene, tension_min=0.1)
+    assert too_quick(path, 0.1) is None
+    time = path.start + path.duration * np.linspace(0, 1, 201)
+    dynamics, inputs = tc.build_dynamics(scene), path.inputs_at(time)
+    plan = [tc.Schedule(label, time, inputs[:, k]) for k, label in enumerate(dynamics.input_labels)]
+    run = tc.simulate(
+        dynamics, path.equilibria[0], schedule=plan, timepts=path.start + np.array([0.0, 5.0, 10.0]), tol=1e-6
+    )
+    for t, nodes in zip(run.time, run.nodes, strict=True):
+        assert np.abs(nodes - path.nodes_at(t)).max() < 0.02
 
 
 def test_the_twisting_mast_of_the_examples(tmp_path):
