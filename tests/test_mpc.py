@@ -8,6 +8,7 @@ from support import random_motion, shell_scene, solved
 import tensctl as tc
 from tensctl.simulation import Measurement
 from tensctl.synthesis import Weights
+from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.qp import Solution
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_daqp import DaqpSolver
@@ -287,13 +288,13 @@ class TestHardLimits:
         """Solvers that break down in mid-run: the last plan is followed, then held, within all hard limits."""
         dynamics, rest, linear = mast
         controller = tc.MPC(linear, horizon=5, rate_max=RATE, path=Rough(rest, 3))
-        heard, honest, calls = Overheard(controller), tc.MPC._ask, []
+        heard, honest, calls = Overheard(controller), Piece.ask, []
 
-        def failing(self, *arguments):
+        def failing(self, *arguments, **given):
             calls.append(0)
-            return honest(self, *arguments) if len(calls) <= 12 else Solution(None, None, "failed", np.inf)
+            return honest(self, *arguments, **given) if len(calls) <= 12 else Solution(None, None, "failed", np.inf)
 
-        monkeypatch.setattr(tc.MPC, "_ask", failing)
+        monkeypatch.setattr(Piece, "ask", failing)
         run = tc.simulate(dynamics, rest, controller=heard, t_end=0.5)
         statuses = [record.status for record in controller.records]
         assert statuses[0] != "fallback"
@@ -306,7 +307,7 @@ class TestHardLimits:
     def test_when_solvers_fail_from_the_start(self, mast, monkeypatch, rng):
         """Without any plan rest lengths stay where they are."""
         controller = tc.MPC(mast[2], horizon=5, rate_max=RATE)
-        monkeypatch.setattr(tc.MPC, "_ask", lambda *_: Solution(None, None, "failed", np.inf))
+        monkeypatch.setattr(Piece, "ask", lambda *_, **__: Solution(None, None, "failed", np.inf))
         inputs = 0.01 * rng.standard_normal(21)
         nodes, _ = random_motion(mast[1].potential, rng)
         asked = controller.step(0.0, shown(mast, nodes, 0 * nodes, inputs=inputs))

@@ -11,7 +11,7 @@ from tensctl.synthesis.lqg import LQG, lqg
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.lqr_scheduled import ScheduledLQR, scheduled_lqr
-from tensctl.synthesis.mpc import MPC, StepRecord
+from tensctl.synthesis.mpc import MPC
 from tensctl.synthesis.mpc_output import OutputMPC
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.nonlinear_mpc import NonlinearMPC, NonlinearRecord
@@ -22,6 +22,7 @@ from tensctl.synthesis.riccati import Riccati, care, dare
 from tensctl.synthesis.sensors import Reading, Sensors, sensors
 from tensctl.synthesis.signal import Courses
 from tensctl.synthesis.stabilisable import LeftOut
+from tensctl.synthesis.step_record import StepRecord
 from tensctl.synthesis.survey import PathSurvey, Station, survey
 from tensctl.synthesis.target import Feature, Linear, Twist, shell_height, shell_rings
 from tensctl.synthesis.tilt import Tilt

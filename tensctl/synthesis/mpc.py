@@ -4,15 +4,13 @@ The controller follows a reference of equilibria and controls the deviation from
 planned equilibrium (`synthesis.condensed` states the problem). Rest lengths reach the command at the end of the period,
 which begins when the computation is over: the state is predicted to then, with the command that is still under way.
 
-A step asks the first solver, judges the answer by its recomputed KKT residual, then asks the next one, in the order of
-`synthesis.qp_solvers`. When the limits of tension cannot all be kept, they are relaxed by as little as possible and
-the step says by how much. Without any acceptable answer, or any measurement, the last plan is shifted and clipped to
-the hard limits.
+A step asks solvers in turn (`synthesis.piece`). When the limits of tension cannot all be kept, they are relaxed by as
+little as possible and the step says by how much. Without any acceptable answer, or any measurement, the last plan is
+shifted and clipped to the hard limits.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
 from typing import Any, Literal
@@ -22,26 +20,24 @@ from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
-from tensctl.linear.propagate import Stretch, stretch
 from tensctl.model.tensions import tensions_at
 from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, condense
 from tensctl.synthesis.limits import Limits, input_reach
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.mpc_weights import Weights
-from tensctl.synthesis.qp import QP, Solution, Solver
-from tensctl.synthesis.qp_solvers import first_choice, new_solver, order_of
+from tensctl.synthesis.piece import Piece
+from tensctl.synthesis.qp import QP
+from tensctl.synthesis.qp_solvers import first_choice
 from tensctl.synthesis.reference import Hold, Reference, outputs_along, refuse_beyond
-from tensctl.synthesis.relaxed import relax
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
 from tensctl.synthesis.signal import Wanted, signal_for
 from tensctl.synthesis.slack_margin import Parting, expected, parting
+from tensctl.synthesis.step_record import StepRecord
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
 
-# An answer whose KKT residual is larger is refused.
-_ACCEPT = 1e-6
 # Planned equilibria between two linear models. On the (3,1) mast that grows by a fifth, 1, 2, 4 and 8 stay equally near
 # the reference (1.6 mm at worst); more models cost set-up only and are there for longer ways.
 _STRIDE = 2
@@ -50,61 +46,6 @@ _KEPT = 1e-9
 # Most variables of the dense condensed problem: H and its rows, 8 n^2 and at least 16 n^2 bytes, then take 0.4 GB for
 # each linear model.
 _LARGEST = 4000
-
-
-@dataclass(frozen=True)
-class StepRecord:
-    """What happened at one control step.
-
-    Attributes
-    ----------
-    time : float, s
-    status : str
-        Solver that answered, with " relaxed" when limits of tension gave way; "fallback" when none did; or
-        "no measurement".
-    solve_time : float, s
-    kkt : float
-        Recomputed KKT residual (nan without an answer).
-    relaxed : float, N
-        By how much the worst limit of tension had to give way; 0 when all are kept.
-    margin_gap : float, N
-        What the step before predicted for this sample, less what there is: of the tendon at which they part company, or
-        else of the one with the least tension; nan where there is nothing to compare.
-    parted : int
-        Index of the tendon at which they part company (`synthesis.slack_margin`), -1 for none.
-    """
-
-    time: float
-    status: str
-    solve_time: float
-    kkt: float
-    relaxed: float
-    margin_gap: float = np.nan
-    parted: int = -1
-
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """One linear model with its condensed problem and set-up solvers."""
-
-    linear: LinearModel
-    problem: Condensed
-    delay: float
-
-    @cached_property
-    def until_it_acts(self) -> Stretch:
-        """The model from a sample until the command computed at it begins to act."""
-        return stretch(self.linear, self.delay)
-
-    @cached_property
-    def until_next(self) -> Stretch:
-        """The model from when a command begins to act until the next sample."""
-        return stretch(self.linear, self.problem.sampled.dt - self.delay)
-
-    @cached_property
-    def solvers(self) -> dict[tuple[str, bool], Solver]:
-        """Solvers set up so far, by name and whether floors may give way."""
-        return {}
 
 
 class MPC:
@@ -184,7 +125,7 @@ class MPC:
         self.reference: Reference = Hold(linear.equilibrium) if path is None else path
         self.signal, self.preview = signal_for(self.weights, self.linear, signal), preview
         self.u_max = asked.u_max
-        self._pieces: dict[int, _Piece] = {}
+        self._pieces: dict[int, Piece] = {}
         self._plan: np.ndarray | None = None
         self._command: np.ndarray | None = None
         self._predicted: np.ndarray | None = None
@@ -264,14 +205,14 @@ class MPC:
         length, rest = dynamics.structure.lengths_at(nodes), dynamics.members.shortened(look.inputs)[None]
         return tensions_at(dynamics, nodes, look.velocities[None], length, rest)[0], 0.0
 
-    def _prediction(self, t: float, piece: _Piece, limits: Limits, command: np.ndarray) -> Float[np.ndarray, " nt"]:
+    def _prediction(self, t: float, piece: Piece, limits: Limits, command: np.ndarray) -> Float[np.ndarray, " nt"]:
         """Tensions at the next sample by the linear model, N; nan for tendons without a floor."""
         before = limits.start[-command.size :]
         inputs = before + (1 - self.delay / self.dt) * (command - limits.about[0] - before)
         margin, tendons = self._margin_at_next(t, piece, limits), len(self.linear.dynamics.structure.tendons)
         return expected(piece.problem, piece.until_next, limits.start, inputs, margin, self.tension_min, tendons)
 
-    def _margin_at_next(self, t: float, piece: _Piece, limits: Limits) -> Float[np.ndarray, " nT"]:
+    def _margin_at_next(self, t: float, piece: Piece, limits: Limits) -> Float[np.ndarray, " nT"]:
         if not self.delay:
             return limits.tension_margin[0]
         return piece.problem.margin(self.reference.tensions_at(t + self.dt), self.tension_min)
@@ -318,7 +259,7 @@ class MPC:
             wanted=self._wanted(piece, t, times[1:]),
         )
 
-    def _wanted(self, piece: _Piece, t: float, times: np.ndarray) -> Float[np.ndarray, "N ny"] | None:
+    def _wanted(self, piece: Piece, t: float, times: np.ndarray) -> Float[np.ndarray, "N ny"] | None:
         """What is wanted of the outputs at the ends of the coming periods: deviations from the path, over sizes."""
         follows = piece.problem.following
         if self.signal is None or follows is None:
@@ -328,7 +269,7 @@ class MPC:
             told = told - outputs_along(self.reference, follows.weighed.linear, times)
         return told / follows.weighed.sizes
 
-    def _when_it_acts(self, piece: _Piece, state: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _when_it_acts(self, piece: Piece, state: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """State and inputs, deviations from the model's equilibrium, when the next command begins to act."""
         if not self.delay:
             return state, inputs
@@ -352,7 +293,7 @@ class MPC:
         )
         return np.maximum(lower, -reach), np.minimum(upper, reach)
 
-    def _piece(self, knot: int) -> _Piece:
+    def _piece(self, knot: int) -> Piece:
         """Linear model and problem for a planned equilibrium, built once for every `_STRIDE` of them."""
         last = len(self.reference.equilibria) - 1
         knot = last - _STRIDE * ((last - knot) // _STRIDE)
@@ -363,35 +304,12 @@ class MPC:
                 linear = linearize(linear.dynamics, equilibrium, outputs=()).flexible
                 linear = below_sampling_limit(linear, self.dt, self._fast)
             problem = condense(linear, self.horizon, self.dt, self.weights, follows=self.signal is not None)
-            piece = _Piece(linear, problem, self.delay)
-            self._solver(piece, self.solver, soft=False)
-            self._pieces[knot] = piece
+            self._pieces[knot] = Piece(linear, problem, self.delay, self.solver)
         return self._pieces[knot]
 
-    def _solve(self, piece: _Piece, limits: Limits) -> tuple[np.ndarray, str, float]:
-        """Plan (N, nu), status and KKT residual: hard problem first, then relaxed, then the shifted plan."""
-        hard = limits.assemble(piece.problem)
-        asked, infeasible = {False: hard}, False
-        for name, soft in order_of(self.solver, hard.f.size):
-            if infeasible and not soft:
-                continue
-            if soft not in asked:
-                asked[soft] = relax(hard, self.horizon)
-            solution = self._ask(piece, name, soft, asked[soft])
-            if solution.z is not None and solution.kkt <= _ACCEPT:
-                plan = solution.z[: hard.f.size].reshape(self.horizon, -1)
-                return plan, name + " relaxed" * soft, solution.kkt
-            infeasible = infeasible or solution.status == "infeasible"
-        return self._shifted(limits), "fallback", np.nan
-
-    def _ask(self, piece: _Piece, name: str, soft: bool, qp: QP) -> Solution:
-        return self._solver(piece, name, soft=soft).solve(qp)
-
-    def _solver(self, piece: _Piece, name: str, *, soft: bool) -> Solver:
-        """The solver set up for the problem at rest, never for one met on the way: answers must not know the past."""
-        if (name, soft) not in piece.solvers:
-            piece.solvers[name, soft] = new_solver(name, piece.problem, soft=soft)
-        return piece.solvers[name, soft]
+    def _solve(self, piece: Piece, limits: Limits) -> tuple[np.ndarray, str, float]:
+        """Plan (N, nu), status and KKT residual; without an answer the last plan goes on."""
+        return piece.answer(limits) or (self._shifted(limits), "fallback", np.nan)
 
     def _shifted(self, limits: Limits) -> np.ndarray:
         """Deviation plan that holds what the last plan would do next (or where the rest lengths are)."""

@@ -27,7 +27,6 @@ from tensctl.model import Dynamics
 from tensctl.scene import MpcStage
 from tensctl.statics import Equilibrium
 from tensctl.synthesis.feedback import Measured
-from tensctl.synthesis.mpc import StepRecord
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.nonlinear_problem import Bounds, Measure, gauss_newton
 from tensctl.synthesis.qp import QP, Solution
@@ -39,6 +38,7 @@ from tensctl.synthesis.relaxed import relax
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
+from tensctl.synthesis.step_record import StepRecord
 from tensctl.threads import one_blas_thread
 
 # An answer whose KKT residual is larger is refused.

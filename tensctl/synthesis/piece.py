@@ -1,0 +1,86 @@
+"""One linear model of a predictive controller: its condensed problem, and the solvers that answer it.
+
+The first solver is asked, its answer judged by its recomputed KKT residual, then the next one, in the order of
+`synthesis.qp_solvers`: the hard problem first, the one whose limits of tension give way after it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.linear import LinearModel
+from tensctl.linear.propagate import Stretch, stretch
+from tensctl.synthesis.condensed import Condensed
+from tensctl.synthesis.limits import Limits
+from tensctl.synthesis.qp import QP, Solution, Solver
+from tensctl.synthesis.qp_solvers import new_solver, order_of
+from tensctl.synthesis.relaxed import relax
+
+# An answer whose KKT residual is larger is refused.
+_ACCEPT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A linear model, its problem and the name of the solver that is asked first.
+
+    Attributes
+    ----------
+    linear : LinearModel
+    problem : Condensed
+    delay : float, s
+        From a sample until the command computed at it begins to act.
+    first : str
+    """
+
+    linear: LinearModel
+    problem: Condensed
+    delay: float
+    first: str
+
+    def __post_init__(self) -> None:
+        self.solver(self.first, soft=False)  # what takes long is done before the first step
+
+    @cached_property
+    def until_it_acts(self) -> Stretch:
+        """The model from a sample until the command computed at it begins to act."""
+        return stretch(self.linear, self.delay)
+
+    @cached_property
+    def until_next(self) -> Stretch:
+        """The model from when a command begins to act until the next sample."""
+        return stretch(self.linear, self.problem.sampled.dt - self.delay)
+
+    def answer(self, limits: Limits) -> tuple[Float[np.ndarray, "N nu"], str, float] | None:
+        """Plan, status and KKT residual; nothing when no answer can be accepted."""
+        hard = limits.assemble(self.problem)
+        asked, infeasible = {False: hard}, False
+        for name, soft in order_of(self.first, hard.f.size):
+            if infeasible and not soft:
+                continue
+            if soft not in asked:
+                asked[soft] = relax(hard, self.problem.horizon)
+            solution = self.ask(name, asked[soft], soft=soft)
+            if solution.z is not None and solution.kkt <= _ACCEPT:
+                plan = solution.z[: hard.f.size].reshape(self.problem.horizon, -1)
+                return plan, name + " relaxed" * soft, solution.kkt
+            infeasible = infeasible or solution.status == "infeasible"
+        return None
+
+    def ask(self, name: str, qp: QP, *, soft: bool) -> Solution:
+        """One solver's answer."""
+        return self.solver(name, soft=soft).solve(qp)
+
+    def solver(self, name: str, *, soft: bool) -> Solver:
+        """The solver set up for the problem at rest, never for one met on the way: answers must not know the past."""
+        if (name, soft) not in self._solvers:
+            self._solvers[name, soft] = new_solver(name, self.problem, soft=soft)
+        return self._solvers[name, soft]
+
+    @cached_property
+    def _solvers(self) -> dict[tuple[str, bool], Solver]:
+        return {}
