@@ -154,7 +154,7 @@ def accuracy(scene: SceneFile, /, *, out: Out | None = None) -> None:
         from tensctl.report.plot_accuracy import write_accuracy
 
         write_accuracy(measured, out)
-    if asked.mpc is not None:
+    if asked.mpc is not None and asked.mpc.model == "linear":
         from tensctl.pipeline import measure_solvers
 
         solvers = measure_solvers(asked)

@@ -1,5 +1,7 @@
 """Nonlinear MPC: exact sensitivities of the rollout, the linear controller near rest, the optimum far from it."""
 
+import json
+
 import numpy as np
 import pytest
 from linear_support import SCENES
@@ -191,6 +193,7 @@ class TestProblem:
         for count in (1, 3, 12):
             controller = tc.NonlinearMPC(dynamics, rest, horizon=HORIZON, iterations=count)
             controller.step(0.0, seen)
+            assert (controller.records[0].change > 1e-3) == (count == 1)
             plan = controller.state()["plan"]
             answer = solve_lazily(controller.statement(0.0, seen, plan))
             qp = controller.statement(0.0, seen, plan)
@@ -242,8 +245,9 @@ class Rough:
 class TestLoop:
     def test_hard_limits_hold_whatever_is_asked(self, mast):
         dynamics, rest, _ = mast
-        controller = tc.NonlinearMPC(dynamics, Rough(rest), horizon=HORIZON, rate_max=RATE)
+        controller = tc.NonlinearMPC(dynamics, Rough(rest), horizon=HORIZON, rate_max=RATE, u_max=0.05)
         run = tc.simulate(dynamics, rest, controller=controller, t_end=0.3)
+        assert 0.05 * (1 - 1e-12) < np.abs(run.inputs).max() < 0.05 * (1 + 1e-12)
         rates = np.diff(run.rest_lengths, axis=0) / np.diff(run.time)[:, None]
         assert 0.99 * RATE < np.abs(rates).max() <= RATE * (1 + 1e-9)
         assert (run.rest_lengths >= dynamics.members.floors * (1 - 1e-12)).all()
@@ -254,7 +258,8 @@ class TestLoop:
         controller.step(0.0, seen)
         plan = controller.state()["plan"]
         failed = Solution(None, None, "failed", np.inf)
-        monkeypatch.setattr(tc.NonlinearMPC, "_answers", lambda *_: iter([("daqp", failed)]))
+        for solver in ("solve_lazily", "solve_dense"):
+            monkeypatch.setattr(f"tensctl.synthesis.qp_anew.{solver}", lambda *_, **__: failed)
         later = tc.Measurement(seen.nodes, seen.velocities, seen.lengths, seen.tensions, plan[0])
         assert np.abs(controller.step(DT, later) - plan[1]).max() < 1e-15
         assert controller.records[-1].status == "fallback"
@@ -286,6 +291,20 @@ class TestLoop:
             acting.append(np.abs(asked - free).max())
         assert order_of(sizes, differences) > 1.6
         assert min(np.array(acting) / differences) > 5
+
+    def test_a_delay_is_bridged_by_the_structure_itself(self, mast, controller):
+        """The command is that of a controller without delay, shown the state in which the command begins to act."""
+        dynamics, rest, _ = mast
+        late = tc.NonlinearMPC(dynamics, rest, horizon=HORIZON, rate_max=RATE, delay=0.3 * DT)
+        late.step(0.0, disturbed(rest, 2.0, seed=2))
+        seen, coming = disturbed(rest, 2.0), late.state()["plan"][0]
+        controller.restore(late.state())
+        then = Rolling(dynamics, 0.3 * DT, 20)(seen.nodes, seen.velocities, seen.inputs, coming[None], columns=False)
+        shown = tc.Measurement(then.nodes[0], then.velocities[0], seen.lengths, seen.tensions, coming)
+        wanted = controller.step(DT, shown)
+        assert np.abs(late.step(DT, seen) - wanted).max() < 1e-6
+        controller.restore({})
+        assert np.abs(controller.step(DT, seen) - wanted).max() > 1e-3
 
     def test_goes_on_from_its_state(self, mast, controller):
         seen, other = disturbed(mast[1], 1.0), disturbed(mast[1], 1.0, seed=2)
@@ -339,6 +358,26 @@ class TestLoop:
         assert ours.distance_to(target.nodes)[-1] < 0.25 * ours.distance_to(target.nodes)[0]
 
 
+def test_a_scene_asks_for_it(tmp_path):
+    """`[mpc] model = "nonlinear"`: the whole run, its certificate and its summary."""
+    scene = shell_scene(
+        pins=["P1_*_1"],
+        target={"height_scale": 1.1, "duration": 3.0},
+        mpc={"model": "nonlinear", "horizon": HORIZON, "iterations": 2, "u_max": 0.6},
+        simulation={"t_end": 0.2, "controller": "mpc"},
+    )
+    results = tc.run(scene, tmp_path)
+    assert isinstance(results.mpc, tc.NonlinearMPC)
+    assert results.mpc.iterations == 2
+    told = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["mpc"]
+    assert told["statuses"] == {"daqp": 11}
+    assert told["hard_limit_violations"] == told["samples_below_tension_floor"] == 0
+    assert told["worst_kkt"] < 1e-9
+    assert told["variables"] == HORIZON * 21
+    assert 0 < told["largest_share_of_u_max"] < 1
+    assert told["terminal_riccati_residual"] < 1e-12
+
+
 class TestRefusals:
     def test_joints(self):
         dynamics, rest, _ = solved(SCENES["joints"], outputs=())
@@ -358,7 +397,12 @@ class TestRefusals:
             tc.NonlinearMPC(tc.build_dynamics(scene), tc.find_equilibrium(scene))
 
     @pytest.mark.parametrize(
-        ("given", "match"), [({"iterations": 0}, "iterations is 0"), ({"tension_min": np.nan}, "tension_min is nan")]
+        ("given", "match"),
+        [
+            ({"iterations": 0}, "iterations is 0"),
+            ({"tension_min": np.nan}, "tension_min is nan"),
+            ({"delay": 1.0}, "delay is 1.0 s"),
+        ],
     )
     def test_settings(self, mast, given, match):
         with pytest.raises(tc.SynthesisError, match=match):

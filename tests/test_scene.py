@@ -172,6 +172,11 @@ SENTENCES = [
         {"linearize": {"outputs": ["nodes"] * 2}},
         'linearize.outputs is ["nodes", "nodes"]; expected each output once.',
     ),
+    (
+        {"mpc": {"model": "nonlinear", "solver": "piqp"}},
+        'mpc.model is "nonlinear"; solver, modes, feedback and follow are for "linear", so leave them out.',
+    ),
+    ({"mpc": {"iterations": 3}}, 'mpc.iterations is 3; only model = "nonlinear" repeats its steps.'),
     ({"mpc": {"horizon": 0}}, "mpc.horizon is 0; expected a whole number >= 1 (control periods)."),
     ({"mpc": {"solver": "qp"}}, 'mpc.solver is "qp"; expected "auto", "daqp", "osqp", "piqp" or "clarabel".'),
     (

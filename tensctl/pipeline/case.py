@@ -12,7 +12,7 @@ from tensctl.report import Case, Check, Height, Limits, MpcCheck
 from tensctl.report import Push as ShownPush
 from tensctl.simulation.parted import parting_told
 from tensctl.structure import matches
-from tensctl.synthesis import LQG, MPC, OutputMPC, shell_height, shell_rings
+from tensctl.synthesis import LQG, MPC, NonlinearMPC, OutputMPC, shell_height, shell_rings
 
 # Time after the last planned motion or push before the shape is judged, s.
 _SETTLING = 3.0
@@ -133,7 +133,7 @@ def _limits(results: Results) -> Limits | None:
     if results.mpc is None:
         return None
     members, mpc = results.equilibrium.potential.members, results.mpc
-    return Limits(mpc.tension_min, members.floors, mpc.rate_max, mpc.problem.floored)
+    return Limits(mpc.tension_min, members.floors, mpc.rate_max, mpc.floored)
 
 
 def _height(results: Results) -> Height | None:
@@ -167,7 +167,7 @@ def _mpc_check(results: Results) -> MpcCheck | None:
     )
 
 
-def _feedback(mpc: MPC) -> str:
+def _feedback(mpc: MPC | NonlinearMPC) -> str:
     """What the controller sees, in words."""
     if not isinstance(mpc, OutputMPC):
         return "the whole state"

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from tensctl.model import Dynamics
 from tensctl.simulation import Measurement, Run
-from tensctl.synthesis import MPC, OutputMPC, Reading
+from tensctl.synthesis import MPC, NonlinearMPC, OutputMPC, Reading
 from tensctl.synthesis.limits import input_reach
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_solvers import SOLVERS
+from tensctl.synthesis.weights import Size
 
 _ROUNDING = 1e-12
 # Optima below the cost of this change of every input are rounding, and their ratio means nothing.
@@ -37,6 +39,8 @@ class Certificate:
         Largest difference of the first input.
     variables, constraints : int
         Size of the condensed problem.
+    riccati_residual : float
+        Of the terminal weight.
     travel : float or None
         Largest change of a rest length over the u_max that it has; None without one.
     """
@@ -48,40 +52,52 @@ class Certificate:
     input_difference: float | None
     variables: int
     constraints: int
+    riccati_residual: float
     travel: float | None
 
 
-def certify(mpc: MPC, run: Run) -> Certificate:
-    """Check a run's hard limits and its busiest step."""
-    members = mpc.linear.dynamics.members
+def certify(mpc: MPC | NonlinearMPC, run: Run) -> Certificate:
+    """Check a run's hard limits; of a linear model also its busiest step."""
+    dynamics = mpc.dynamics if isinstance(mpc, NonlinearMPC) else mpc.linear.dynamics
+    members = dynamics.members
     low = run.rest_lengths < members.floors - _ROUNDING
     rates = np.abs(np.diff(run.rest_lengths, axis=0)) / np.diff(run.time)[:, None]
     fast = rates > mpc.rate_max * (1 + 1e-9) + _ROUNDING
     lower, upper = mpc.input_range
     far = (run.inputs < lower - _ROUNDING) | (run.inputs > upper + _ROUNDING)
-    k, problem = _busiest(run), mpc.problem
-    cost, inputs = (None, None) if k is None else _twice(mpc, run, k)
+    k = None if isinstance(mpc, NonlinearMPC) else _busiest(run)
+    cost, inputs = (None, None) if k is None or isinstance(mpc, NonlinearMPC) else _twice(mpc, run, k)
+    variables, rows, riccati = _sizes(mpc)
     return Certificate(
         violations=int(sum(broken.any(axis=1).sum() for broken in (low, fast, far))),
         below_floor=_below(mpc, run),
         checked_at=None if k is None else float(run.time[k]),
         cost_difference=cost,
         input_difference=inputs,
-        variables=problem.H.shape[0],
-        constraints=2 * problem.H.shape[0] + problem.rows.shape[0],
-        travel=None if mpc.u_max is None else _travel(mpc, run),
+        variables=variables,
+        constraints=2 * variables + rows,
+        riccati_residual=riccati,
+        travel=None if mpc.u_max is None else _travel(dynamics, mpc.u_max, run),
     )
 
 
-def _travel(mpc: MPC, run: Run) -> float:
+def _sizes(mpc: MPC | NonlinearMPC) -> tuple[int, int, float]:
+    """Variables and rows of the condensed problem, and the residual of its terminal weight."""
+    if isinstance(mpc, NonlinearMPC):
+        variables = mpc.horizon * mpc.dynamics.members.gearing.size
+        return variables, variables + mpc.horizon * mpc.bounded, mpc.measure.riccati_residual
+    return mpc.problem.H.shape[0], mpc.problem.rows.shape[0], mpc.problem.riccati_residual
+
+
+def _travel(dynamics: Dynamics, u_max: Size, run: Run) -> float:
     """Largest change of an input over the range that u_max leaves it."""
-    reach = input_reach(mpc.linear.dynamics.structure, mpc.linear.dynamics.members, mpc.u_max)
+    reach = input_reach(dynamics.structure, dynamics.members, u_max)
     return float((np.abs(run.inputs) / reach).max(initial=0.0))
 
 
-def _below(mpc: MPC, run: Run) -> int:
+def _below(mpc: MPC | NonlinearMPC, run: Run) -> int:
     """Recorded times below the floor, of the tendons that have one: taut at the reference, not between pins."""
-    watched = run.tensions[:, mpc.problem.floored]
+    watched = run.tensions[:, mpc.floored]
     return int((watched < mpc.tension_min * (1 - 1e-9)).any(axis=1).sum())
 
 

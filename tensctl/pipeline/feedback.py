@@ -9,7 +9,9 @@ import numpy as np
 from tensctl.analysis.scaling import input_stiffness
 from tensctl.linear import LinearModel
 from tensctl.linear.outputs import Mix, Output, safe_label
+from tensctl.model import Dynamics
 from tensctl.scene import LqgStage, LqrStage, MpcStage, SensorsStage
+from tensctl.statics import Equilibrium
 from tensctl.structure import Structure
 from tensctl.structure.labels import by_label
 from tensctl.synthesis import (
@@ -18,6 +20,7 @@ from tensctl.synthesis import (
     MPC,
     Cost,
     Courses,
+    NonlinearMPC,
     OutputMPC,
     SampledLQR,
     Sensors,
@@ -28,6 +31,7 @@ from tensctl.synthesis import (
     sensors,
     weights,
 )
+from tensctl.synthesis.reference import Reference
 
 
 def cost_of(asked: LqrStage | LqgStage, linear: LinearModel) -> Cost:
@@ -81,6 +85,15 @@ def design_output_mpc(asked: MpcStage, seen: SensorsStage, linear: LinearModel, 
     return OutputMPC(
         linear, _eyes(seen, linear), track=track, force_noise=asked.force_noise, drift=asked.drift, path=path,
         **_common(asked, linear),
+    )  # fmt: skip
+
+
+def nonlinear_mpc(asked: MpcStage, dynamics: Dynamics, reference: Reference | Equilibrium) -> NonlinearMPC:
+    """Predictive control on the nonlinear structure."""
+    return NonlinearMPC(
+        dynamics, reference, horizon=asked.horizon, dt=asked.dt, tension_min=asked.tension_min, rate_max=asked.rate_max,
+        u_max=asked.u_max, weights=mpc_weights(asked, dynamics.structure), delay=asked.delay,
+        iterations=asked.iterations,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensctl.pipeline.results import Results, frames_of
+from tensctl.synthesis import MPC
 from tensctl.synthesis.reference import outputs_along
 from tensctl.synthesis.signal import Courses
 
@@ -33,7 +34,7 @@ class Followed:
 def followed(results: Results) -> tuple[Followed, ...]:
     """Every output that the scene gives a course; none without a run under predictive control."""
     mpc, run = results.mpc, results.run
-    if mpc is None or run is None or mpc.signal is None or not isinstance(mpc.signal.given, Courses):
+    if not isinstance(mpc, MPC) or run is None or mpc.signal is None or not isinstance(mpc.signal.given, Courses):
         return ()
     linear = mpc.weights.of_outputs(mpc.linear).linear
     frames, nodes = frames_of(results.wanted, run), run.nodes

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQG, LQR, MPC, PathSurvey, SampledLQR, ScheduledLQR, ShapePath
+    from tensctl.synthesis import LQG, LQR, MPC, NonlinearMPC, PathSurvey, SampledLQR, ScheduledLQR, ShapePath
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Results:
     scheduled : ScheduledLQR
         Along the path, where the run is steered by it.
     lqg : LQG
-    mpc : MPC
+    mpc : MPC or NonlinearMPC
     run : Run
     sanity : Sanity
         Whether the run is physical.
@@ -67,7 +67,7 @@ class Results:
     lqr: LQR | SampledLQR | None = None
     scheduled: ScheduledLQR | None = None
     lqg: LQG | None = None
-    mpc: MPC | None = None
+    mpc: MPC | NonlinearMPC | None = None
     run: Run | None = None
     sanity: Sanity | None = None
     demand: ActuatorDemand | None = None

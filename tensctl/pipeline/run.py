@@ -114,10 +114,12 @@ def measure_solvers(scene: Scene) -> SolverPrecision:
     Raises
     ------
     SceneError
-        A scene without `[mpc]`.
+        A scene without `[mpc]`, or with one whose matrices no solver can be set up for.
     """
     if scene.mpc is None:
         raise SceneError("the scene has no [mpc], so no solver is asked for anything; add the section.")
+    if not _linear_mpc(scene):
+        raise SceneError('mpc.model is "nonlinear"; solvers are measured on the problems of model = "linear".')
     later = dict.fromkeys(("controllability", "lqr", "lqg", "sensors", "simulation", "accuracy", "report"))
     found = solvers_measured(replace(_compute(scene.replaced(**later), Clock()), scene=scene), Clock()).solvers
     assert found is not None
@@ -147,7 +149,7 @@ def _compute(scene: Scene, clock: Clock) -> Results:
         (scene.target is not None or is_driven(scene), demanded),
         (scene.mpc is not None and _controller(scene) == "mpc", _certify),
         (scene.accuracy is not None, _measure),
-        (scene.accuracy is not None and scene.mpc is not None, solvers_measured),
+        (scene.accuracy is not None and _linear_mpc(scene), solvers_measured),
     ):
         if asked:
             results = stage(results, clock)
@@ -163,6 +165,10 @@ def _model(results: Results, clock: Clock) -> Results:
 
 def _controller(scene: Scene) -> str:
     return "none" if scene.simulation is None else scene.simulation.controller
+
+
+def _linear_mpc(scene: Scene) -> bool:
+    return scene.mpc is not None and scene.mpc.model == "linear"
 
 
 def _needs_linear(scene: Scene) -> bool:
@@ -268,10 +274,14 @@ def _lqg(results: Results, clock: Clock) -> Results:
 
 
 def _mpc(results: Results, clock: Clock) -> Results:
-    from tensctl.pipeline.feedback import design_mpc, design_output_mpc
+    from tensctl.pipeline.feedback import design_mpc, design_output_mpc, nonlinear_mpc
 
     asked, seen = results.scene.mpc, results.scene.sensors
     assert asked is not None
+    if asked.model == "nonlinear":
+        assert results.dynamics is not None
+        with clock.stage("MPC set-up"):
+            return replace(results, mpc=nonlinear_mpc(asked, results.dynamics, results.path or results.equilibrium))
     with clock.stage("MPC set-up"):
         if asked.feedback == "states":
             return replace(results, mpc=design_mpc(asked, _at_target(results), results.path))

@@ -17,9 +17,10 @@ def solvers_measured(results: Results, clock: Clock) -> Results:
     """
     from tensctl.accuracy import solver_precision
     from tensctl.simulation.asked import loads_of, start_of
+    from tensctl.synthesis import MPC
 
     scene, mpc = results.scene, results.mpc
-    assert mpc is not None
+    assert isinstance(mpc, MPC)
     measured = AccuracyStage() if scene.accuracy is None else scene.accuracy
     start, pushes, t_end = results.structure.nodes, [], measured.t_end
     if scene.simulation is not None:

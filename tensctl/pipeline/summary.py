@@ -13,7 +13,7 @@ from tensctl.pipeline.results import Results
 if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.simulation import Sanity
-    from tensctl.synthesis import LQG, LQR, MPC, PathSurvey, SampledLQR
+    from tensctl.synthesis import LQG, LQR, MPC, NonlinearMPC, PathSurvey, SampledLQR
 
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
@@ -169,12 +169,12 @@ def _mpc(results: Results) -> dict | None:
         "hard_limit_violations": certificate.violations,
         "cvxpy_cost_difference": certificate.cost_difference,
         "cvxpy_input_difference_m": certificate.input_difference,
-        "terminal_riccati_residual": mpc.problem.riccati_residual,
+        "terminal_riccati_residual": certificate.riccati_residual,
         "followed": {f.label: {"reach": f.reach, "worst": f.worst, "rms": f.rms} for f in followed(results)},
     } | _from_sensors(mpc)
 
 
-def _from_sensors(mpc: MPC) -> dict:
+def _from_sensors(mpc: MPC | NonlinearMPC) -> dict:
     """What a controller sees, and what there is to say of one that estimates."""
     from tensctl.synthesis import OutputMPC
 

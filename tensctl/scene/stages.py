@@ -142,6 +142,8 @@ class MpcStage(CostStage):
     track: Annotated[tuple[str, ...], Texts("labels of sensors", '["l_*", "P4_1_1_z"]')] = ()  # none: shape, or all
     force_noise: Annotated[float, Number("N s^1/2", above=0)] = 0.001
     drift: Annotated[float, Number("1/s^1/2", above=0)] = 1.0
+    model: Literal["linear", "nonlinear"] = "linear"
+    iterations: Annotated[int, Number("roll-outs a step", least=1, whole=True)] = 1
     preview: bool = Field(default=True, strict=True)
     follow: tuple[FollowRequest, ...] = ()
 
@@ -149,6 +151,17 @@ class MpcStage(CostStage):
     def _follows_by_state(self) -> Self:
         if self.follow and self.feedback == "outputs":
             raise complaint('is given, but feedback = "outputs" holds a shape or a path; expected "states"', "follow")
+        return self
+
+    @model_validator(mode="after")
+    def _fits_its_model(self) -> Self:
+        plain = (self.solver, self.modes, self.feedback, self.follow) == ("auto", "refuse", "states", ())
+        if self.model == "nonlinear" and not plain:
+            raise complaint(
+                'is "nonlinear"; solver, modes, feedback and follow are for "linear", so leave them out', "model"
+            )
+        if self.model == "linear" and self.iterations != 1:
+            raise complaint(f'is {self.iterations}; only model = "nonlinear" repeats its steps', "iterations")
         return self
 
 

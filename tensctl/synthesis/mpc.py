@@ -157,6 +157,11 @@ class MPC:
         """The condensed problem at the end of the reference."""
         return self._piece(len(self.reference.equilibria) - 1).problem
 
+    @property
+    def floored(self) -> np.ndarray:
+        """Tendons that have a tension floor at the end of the reference."""
+        return self.problem.floored
+
     @one_blas_thread()
     def step(self, t: float, measurement: Measured | None) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0 to be reached at t + delay + dt, m; hard limits always hold.

@@ -13,8 +13,7 @@ how much. Without an acceptable answer the shifted plan goes on.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
 
@@ -27,22 +26,19 @@ from tensctl.model import Dynamics
 from tensctl.scene import MpcStage
 from tensctl.statics import Equilibrium
 from tensctl.synthesis.feedback import Measured
+from tensctl.synthesis.limits import input_reach
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.nonlinear_problem import Bounds, Measure, gauss_newton
-from tensctl.synthesis.qp import QP, Solution
-from tensctl.synthesis.qp_daqp import QUICK
-from tensctl.synthesis.qp_dense import solve_dense
-from tensctl.synthesis.qp_lazy import PATIENT, solve_lazily
-from tensctl.synthesis.reference import Hold, Reference
-from tensctl.synthesis.relaxed import relax
+from tensctl.synthesis.qp import QP
+from tensctl.synthesis.qp_anew import answer
+from tensctl.synthesis.reference import Hold, Reference, refuse_beyond
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
 from tensctl.synthesis.step_record import StepRecord
+from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
 
-# An answer whose KKT residual is larger is refused.
-_ACCEPT = 1e-6
 # A shortfall below this, N, is none.
 _KEPT = 1e-9
 
@@ -69,7 +65,7 @@ class NonlinearMPC:
         Of rods that share no node.
     reference : Equilibrium or Reference
         What to hold, or a path to follow.
-    horizon, dt, tension_min, rate_max, weights
+    horizon, dt, tension_min, rate_max, u_max, weights, delay
         As `tc.MPC` has them.
     iterations : int
         Roll-outs and QPs a step; 1 is the real-time iteration.
@@ -83,6 +79,9 @@ class NonlinearMPC:
         solution of the terminal Riccati equation.
     """
 
+    # Who is asked first for a plan (`synthesis.qp_anew`).
+    solver = "daqp"
+
     def __init__(
         self,
         dynamics: Dynamics,
@@ -92,21 +91,26 @@ class NonlinearMPC:
         dt: float = 0.02,
         tension_min: float = 0.1,
         rate_max: float = 0.5,
+        u_max: Size | None = None,
         weights: Weights | None = None,
+        delay: float = 0.0,
         iterations: int = 1,
     ) -> None:
-        asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max)
+        asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, delay=delay)
         if not np.isfinite(tension_min):
             raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
+        if delay > asked.dt:
+            raise SynthesisError(f"mpc.delay is {delay} s; a time from 0 to dt = {asked.dt:g} s is expected.")
         if int(iterations) != iterations or iterations < 1:
             raise SynthesisError(f"iterations is {iterations}; a whole number, at least 1, is expected.")
         if not dynamics.members.gearing.size:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
         self.dynamics, self.iterations = dynamics, int(iterations)
-        self.horizon, self.dt = asked.horizon, asked.dt
-        self.tension_min, self.rate_max = float(tension_min), asked.rate_max
+        self.horizon, self.dt, self.delay = asked.horizon, asked.dt, asked.delay
+        self.tension_min, self.rate_max, self.u_max = float(tension_min), asked.rate_max, asked.u_max
         self.weights = Weights() if weights is None else weights
         self.reference: Reference = Hold(reference) if isinstance(reference, Equilibrium) else reference
+        refuse_beyond(self.reference, dynamics.input_labels, self.input_range)
         self._roll = rolling(dynamics, asked.dt)
         self._measures: dict[int, Measure] = {}
         self._plan: np.ndarray | None = None
@@ -130,7 +134,7 @@ class NonlinearMPC:
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured | None) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0 to be reached at t + dt, m; hard limits always hold.
+        """Total rest-length change u from L0 to be reached at t + delay + dt, m; hard limits always hold.
 
         A measurement that is None, holds NaN or fits no structure tells nothing: the last plan goes on, and before the
         first rest lengths stay.
@@ -138,12 +142,14 @@ class NonlinearMPC:
         began, status = perf_counter(), "fallback"
         now = self._inputs_now(t, measurement)
         look = seen(self.dynamics.structure, measurement, now)
+        if self.delay and self._plan is not None:
+            now = self._plan[0]
         if look is None:
             return self._no_measurement(t, now, began)
         plan, ahead, kkt, relaxed, change = self._shifted(t, now), self._ahead(t), np.nan, 0.0, 0.0
         for _ in range(self.iterations):
             qp = self.statement(t, look, plan)
-            found = self._solve(qp) if np.isfinite(qp.f).all() else None
+            found = answer(qp, self.horizon) if np.isfinite(qp.f).all() else None
             if found is None:
                 break
             z, status, kkt = found
@@ -153,7 +159,7 @@ class NonlinearMPC:
         if relaxed <= _KEPT:
             status, relaxed = status.removesuffix(" relaxed"), 0.0
         self._plan = plan
-        self.records.append(NonlinearRecord(t, status, perf_counter() - began, kkt, relaxed, change))
+        self.records.append(NonlinearRecord(t, status, perf_counter() - began, kkt, relaxed, change=change))
         return plan[0]
 
     def _inputs_now(self, t: float, measurement: Measured | None) -> np.ndarray:
@@ -170,10 +176,20 @@ class NonlinearMPC:
 
     def statement(self, t: float, measurement: Measured, plan: Float[np.ndarray, "N nu"]) -> QP:
         """The QP about a plan of total inputs, m; its variables are deviations from the reference."""
-        rollout = self._roll(measurement.nodes, measurement.velocities, measurement.inputs, plan)
+        nodes, velocities, now = self._when_it_acts(measurement)
+        rollout = self._roll(nodes, velocities, now, plan)
         measure, ahead = self._measure(self.reference.knot_at(t)), self._ahead(t)
-        bounds = self._bounds(t, measurement.inputs)
+        bounds = self._bounds(t, now)
         return gauss_newton(measure, self._wanted(t, measure), rollout, plan - ahead, bounds)
+
+    def _when_it_acts(self, measurement: Measured) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Nodes, velocities and inputs when the next command begins to act: the one under way is rolled out."""
+        nodes, velocities, now = measurement.nodes, measurement.velocities, measurement.inputs
+        if not self.delay:
+            return nodes, velocities, now
+        coming = now if self._plan is None else self._plan[0]
+        until = replace(self._roll, dt=self.delay)(nodes, velocities, now, coming[None], columns=False)
+        return until.nodes[0], until.velocities[0], coming
 
     def _wanted(self, t: float, measure: Measure) -> Float[np.ndarray, "N nx"]:
         """States of the reference at the ends of the coming periods."""
@@ -184,26 +200,11 @@ class NonlinearMPC:
 
     def _bounds(self, t: float, now: np.ndarray) -> Bounds:
         members, ahead = self.dynamics.members, self._ahead(t)
-        lower, upper = members.input_bounds
+        lower, upper = self.input_range
         moving = np.diff(np.vstack([now, ahead]), axis=0)
         tendons, side = self._limited
         limit = np.where(side > 0, self.tension_min, members.force_max[tendons]) / self._scale
         return Bounds(lower - ahead, upper - ahead, -self._reach - moving, self._reach - moving, tendons, side, limit)
-
-    def _solve(self, qp: QP) -> tuple[np.ndarray, str, float] | None:
-        """Plan, status and KKT residual of the first answer that is good enough."""
-        for status, found in self._answers(qp):
-            if found.z is not None and found.kkt <= _ACCEPT:
-                return found.z[: qp.f.size], status, found.kkt
-        return None
-
-    def _answers(self, qp: QP) -> Iterator[tuple[str, Solution]]:
-        """Answers in turn: with all floors, then with floors that give way."""
-        yield "daqp", solve_lazily(qp, QUICK)
-        soft, slacks = relax(qp, self.horizon), qp.f.size + np.arange(self.horizon)
-        yield "daqp relaxed", solve_lazily(soft, PATIENT, slacks)
-        yield "piqp relaxed", solve_dense(soft)
-        yield "daqp relaxed", solve_lazily(soft, first=slacks)
 
     def _shortfall(self, qp: QP, z: np.ndarray) -> float:
         """Largest tension by which the linearised plan passes a limit, N."""
@@ -226,15 +227,33 @@ class NonlinearMPC:
 
     def _kept(self, plan: np.ndarray, now: np.ndarray) -> np.ndarray:
         """The plan within rate and rest-length limits, to the last bit."""
-        kept, bounds = np.empty_like(plan), self.dynamics.members.input_bounds
+        kept = np.empty_like(plan)
         for k, u in enumerate(plan):
-            now = kept[k] = np.clip(np.clip(u, now - self._reach, now + self._reach), *bounds)
+            now = kept[k] = np.clip(np.clip(u, now - self._reach, now + self._reach), *self.input_range)
         return kept
+
+    @cached_property
+    def input_range(self) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
+        """Least and largest total inputs, m: rest lengths keep their floors and change by at most u_max."""
+        lower, upper = self.dynamics.members.input_bounds
+        reach = input_reach(self.dynamics.structure, self.dynamics.members, self.u_max)
+        return np.maximum(lower, -reach), np.minimum(upper, reach)
 
     @cached_property
     def _reach(self) -> Float[np.ndarray, " nu"]:
         """How far each input may go in a period, m: its fastest tendon keeps the rate limit."""
         return self.rate_max * self.dt / self.dynamics.members.gearing.largest
+
+    @property
+    def bounded(self) -> int:
+        """Rows of tension in a stage."""
+        return len(self._limited[0])
+
+    @property
+    def floored(self) -> np.ndarray:
+        """Tendons that have a tension floor: taut at every planned equilibrium, not between pins."""
+        tendons, side = self._limited
+        return tendons[side > 0]
 
     @cached_property
     def _limited(self) -> tuple[np.ndarray, np.ndarray]:
@@ -248,11 +267,16 @@ class NonlinearMPC:
         return np.concatenate([floored, stalling]), np.repeat([1.0, -1.0], [floored.size, stalling.size])
 
     def _times(self, t: float) -> np.ndarray:
-        return t + self.dt * np.arange(1, self.horizon + 1)
+        return t + self.delay + self.dt * np.arange(1, self.horizon + 1)
 
     def _ahead(self, t: float) -> Float[np.ndarray, "N nu"]:
         """Reference inputs at the ends of the coming periods."""
         return self.reference.inputs_at(self._times(t))
+
+    @property
+    def measure(self) -> Measure:
+        """What deviations cost at the end of the reference."""
+        return self._measure(len(self.reference.equilibria) - 1)
 
     def _measure(self, knot: int) -> Measure:
         """What deviations cost near a planned equilibrium."""

@@ -36,19 +36,22 @@ class Measure:
     Q, R : weights of a stage
     P : (nx + nu, nx + nu)
         Solution of the discrete Riccati equation of the linear model: cost beyond the horizon.
+    riccati_residual : float
     """
 
     linear: LinearModel
     Q: Float[np.ndarray, "n n"]
     R: Float[np.ndarray, "nu nu"]
     P: Float[np.ndarray, "n n"]
+    riccati_residual: float
 
     @classmethod
     def of(cls, linear: LinearModel, dt: float, weights: Weights) -> Measure:
         """The measure at a linear model's equilibrium."""
         A, B = sample_ramped(linear.A, linear.B, dt).with_input_state()
         Q, R = stage_weights(linear, dt, weights)
-        return cls(linear, Q, R, terminal_weight(A, B, Q, R, weights).X)
+        terminal = terminal_weight(A, B, Q, R, weights)
+        return cls(linear, Q, R, terminal.X, terminal.residual)
 
 
 @dataclass(frozen=True, eq=False)
