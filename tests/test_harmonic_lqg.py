@@ -105,6 +105,15 @@ class TestLQG:
         wanted.reset()
         assert relative(found.step(0.0, seen), wanted.step(0.0, seen)) < 1e-11
 
+    @pytest.mark.parametrize("dt", [None, DT])
+    def test_margins_are_those_of_the_whole_loop(self, small, dt):
+        """Both enclose the same H-infinity norm; full-size and harmonic Hamiltonians know nothing of each other."""
+        _, _, linear, model, eyes = small
+        least, largest = tc.harmonic_lqg(model, eyes, dt=dt).enclosure()
+        other_least, other_largest = tc.lqg(linear, eyes, dt=dt).loop.sensitivity.enclosure()
+        assert max(least, other_least) <= min(largest, other_largest) * (1 + 1e-9)
+        assert largest - least < 1e-4 * least
+
     def test_runs_and_goes_on_from_its_memory(self, small, rng):
         """On the nonlinear structure in step with the dense design; its state restores to the last bit."""
         dynamics, rest, linear, model, eyes = small

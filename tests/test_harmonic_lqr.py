@@ -142,6 +142,14 @@ def test_sample_time_is_the_dense_one(small):
     assert design.dt == pytest.approx(tc.lqr(linear).dt, rel=1e-12)
 
 
+def test_margins_are_those_of_the_whole_loop(small):
+    """Both enclose the same H-infinity norm, from Hamiltonian matrices of different sizes."""
+    _, _, linear, _, design = small
+    least, largest = design.enclosure()
+    other_least, other_largest = tc.lqr(linear).sensitivity.enclosure()
+    assert max(least, other_least) <= min(largest, other_largest) * (1 + 1e-9)
+
+
 def test_brings_the_structure_to_rest(small, rng):
     """From a small disturbance, on the full nonlinear structure, in step with the dense design."""
     dynamics, rest, linear, _, design = small

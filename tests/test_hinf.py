@@ -71,3 +71,15 @@ def test_lqr_keeps_its_guarantee(mast):
     root = np.sqrt(np.diag(design.R))
     for w in np.geomspace(1e-1, 1e4, 200):
         assert np.linalg.norm(root[:, None] * design.sensitivity.at(w) / root, 2) <= 1 + 1e-9
+
+
+@pytest.mark.parametrize("dt", [None, 0.1])
+def test_a_peak_at_rest_is_found(dt):
+    """|1/(s^2 + 1.8 s + 1)| falls from 1 at rest, where no pole stands: each level is crossed once."""
+    A = np.array([[0.0, 1], [-1, -1.8]])
+    B = np.eye(2)[:, 1:]
+    if dt is not None:
+        A, B = sla.expm(dt * A), np.linalg.solve(A, (sla.expm(dt * A) - np.eye(2)) @ B)
+    found = hinf(System(A, B, np.eye(2)[:1], np.zeros((1, 1)), dt))
+    assert found.low == pytest.approx(1.0, rel=1e-9)
+    assert found.high < 1 + 1e-5

@@ -22,6 +22,7 @@ from tensctl.synthesis.feedback import command
 from tensctl.synthesis.harmonic_kalman import HarmonicKalman, harmonic_kalman
 from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR
+from tensctl.synthesis.harmonic_margins import enclosed_margin
 from tensctl.synthesis.harmonic_weights import Blocks, Costs
 from tensctl.synthesis.loop import Loop, close
 from tensctl.synthesis.lqr_sampled import continuous_poles
@@ -89,6 +90,11 @@ class HarmonicLQG:
         for block, loop, one, cost in zip(self.linear.blocks, self.loops, self.filter.blocks, self._costs, strict=True):
             total += block.copies * loop.cost(loop.noise(one.W, one.V).X, cost)
         return total
+
+    @one_blas_thread()
+    def enclosure(self) -> tuple[float, float]:
+        """Least and largest value of the disk margin at the plant's inputs, of all at once."""
+        return enclosed_margin(loop.sensitivity for loop in self.loops)
 
     @property
     def _costs(self) -> tuple[Cost, ...]:

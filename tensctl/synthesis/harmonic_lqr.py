@@ -22,8 +22,10 @@ from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import optimal
 from tensctl.synthesis.feedback import Measured, command
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR, sampled_design
+from tensctl.synthesis.harmonic_margins import enclosed_margin
 from tensctl.synthesis.harmonic_riccati import by_harmonic, name_lost, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks, Costs, checked_costs
+from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -77,6 +79,12 @@ class HarmonicLQR:
                 return dt
             dt /= 2
         raise SynthesisError(f"the sampled loop is unstable even at a sample time of {dt:.1e} s; raise R.")
+
+    @one_blas_thread()
+    def enclosure(self) -> tuple[float, float]:
+        """Least and largest value of the disk margin at the plant's inputs, of all at once, in continuous time."""
+        parts = zip(self.linear.blocks, self.K, strict=True)
+        return enclosed_margin(Sensitivity(b.A - b.B @ K, b.B, -K, None) for b, K in parts)
 
     def reset(self) -> None:
         """Nothing to forget."""

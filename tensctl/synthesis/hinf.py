@@ -114,13 +114,15 @@ def hinf(system: System, *, start: float | None = None, tol: float = _TOL, least
     """
     tried = system.pole_frequencies() if start is None else np.array([start])
     low, omega = float(np.linalg.norm(system.D, 2)), np.inf
+    # A gain above a level from zero frequency on, or up to half the sampling rate, crosses it once only.
+    ends = np.array([0.0] if system.dt is None else [0.0, np.pi / system.dt])
     low, omega = _highest(system, tried, low, omega)
     if not low > 0:
         return Peak(0.0, 0.0, omega)
     for _ in range(_ROUNDS):
         level = max(low, least) * (1 + 2 * tol)
         distances, frequencies, size = system.spectrum(level)
-        near = np.unique(frequencies[distances <= _NEAR * size])
+        near = np.unique(np.concatenate([ends, frequencies[distances <= _NEAR * size]]))
         before = low
         low, omega = _highest(system, np.concatenate([near, 0.5 * (near[1:] + near[:-1])]), low, omega)
         if low > level:
