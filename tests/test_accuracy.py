@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tensctl as tc
-from tensctl.accuracy import WorkPrecision, work_precision
+from tensctl.accuracy import SolverPrecision, WorkPrecision, work_precision
 from tensctl.accuracy.motion import Motion
 from tensctl.cli import main
 from tensctl.errors import SceneError, SimulationError
@@ -129,6 +129,8 @@ def test_momentum_is_shown_whenever_it_is_kept(sections, kept):
 
 def test_json_plot_and_command_line(measured, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("tensctl.accuracy.work_precision", lambda _: measured)
+    idle = SolverPrecision((), 0.02, 20, 420, 840, 11, 0, 0.2, 0.0)
+    monkeypatch.setattr("tensctl.pipeline.measure_solvers", lambda _: idle)
     assert main(["accuracy", "examples/shell_3_1.toml", "-o", str(tmp_path / "new")]) == 0
     assert measured.table() in capsys.readouterr().out
     read = json.loads((tmp_path / "new" / "accuracy.json").read_text())
