@@ -140,7 +140,7 @@ def plot(rows: list[dict]) -> None:
     figure.supxlabel("processor time of a solve, median, ms; N = 10 whole lines, N = 20 dashed", fontsize=9)
     figure.supylabel("worst error of the first input over its reach in a period", fontsize=9)
     handles = [plt.Line2D([], [], marker="os^Dv"[k], color=f"C{k}", label=name) for k, name in enumerate(names)]
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=8)
+    figure.legend(handles=handles, loc="outside upper center", ncols=5, fontsize=8)
     figure.savefig(page.DOCS / "images" / "mpc_solvers.svg", metadata={"Date": None})
 
 
