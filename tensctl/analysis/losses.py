@@ -152,7 +152,7 @@ def _cut(rest: Equilibrium, tendon: int) -> Potential:
     acting = members.inputs != tendon
     fewer = replace(
         members,
-        **{name: getattr(members, name)[kept] for name in ("stiffness", "floors", "damping", "actuated")},
+        **{name: getattr(members, name)[kept] for name in ("stiffness", "floors", "damping", "actuated", "force_max")},
         rest_lengths=rest.rest_lengths[kept],
         inputs=np.flatnonzero(np.isin(kept, members.inputs)),
         gearing=_fewer(members.gearing, acting),

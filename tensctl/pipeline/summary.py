@@ -12,14 +12,12 @@ from tensctl.pipeline.results import Results
 
 if TYPE_CHECKING:
     from tensctl.analysis import Study
-    from tensctl.simulation import Sanity
+    from tensctl.simulation import ActuatorDemand, Sanity
     from tensctl.synthesis import LQG, LQR, MPC, NonlinearMPC, PathSurvey, SampledLQR
 
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
     """Everything a script would want to know without opening the run."""
-    from tensctl.simulation.demand_table import record
-
     parts = {
         "title": results.scene.title,
         "version": __version__,
@@ -32,13 +30,19 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "target": _target(results),
         "mpc": _mpc(results),
         "simulation": _simulation(results),
-        "actuators": None if results.demand is None else record(results.demand),
+        "actuators": None if results.demand is None else _demand(results.demand),
         "sanity": None if results.sanity is None else _sanity(results.sanity),
         "accuracy": None if results.accuracy is None else results.accuracy.to_dict(),
         "solvers": None if results.solvers is None else results.solvers.to_dict(),
         "seconds": {name: round(value, 4) for name, value in seconds.items()},
     }
     return {name: part for name, part in parts.items() if part is not None}
+
+
+def _demand(demand: ActuatorDemand) -> dict:
+    from tensctl.simulation.demand_table import record
+
+    return record(demand)
 
 
 def _structure(results: Results) -> dict:
@@ -146,11 +150,11 @@ def _on_the_way(survey: PathSurvey) -> dict:
 
 
 def _mpc(results: Results) -> dict | None:
-    from tensctl.pipeline.followed import followed
-
     mpc, run, certificate = results.mpc, results.run, results.certificate
     if mpc is None or run is None or certificate is None:
         return None
+    from tensctl.pipeline.followed import followed
+
     return {
         "horizon": mpc.horizon,
         "dt_s": mpc.dt,
