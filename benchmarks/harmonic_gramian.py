@@ -4,10 +4,10 @@ The table of `docs/controllability.md` is made by `python benchmarks/harmonic_gr
 """
 
 import resource
-import time
 import warnings
 
 import page
+from clock import timed
 
 import tensctl as tc
 from tensctl.analysis import (
@@ -18,12 +18,6 @@ from tensctl.analysis import (
 )
 from tensctl.linear import harmonic_outputs
 from tensctl.threads import one_blas_thread
-
-
-def timed(work):
-    began = time.process_time()
-    answer = work()
-    return time.process_time() - began, answer
 
 
 def row(n: int, m: int, given: dict, tendons: dict) -> list[str]:

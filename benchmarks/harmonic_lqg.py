@@ -13,6 +13,7 @@ import warnings
 
 import numpy as np
 import page
+from clock import timed
 from riccati import shell
 
 import tensctl as tc
@@ -27,17 +28,6 @@ HEAD = ["shell", "states, sensors", "filter, s", "residual", "dense, s", "times"
 HEAD += ["sampled LQG, s", "residuals", "one step, ms", "dense, s", "times", "gains differ by"]
 
 
-def timed(work, at_least: float = 0.2):
-    """Processor time of the fastest call, s, and its answer."""
-    best, spent, answer = np.inf, 0.0, None
-    while spent < at_least:
-        began = time.process_time()
-        answer = work()
-        took = time.process_time() - began
-        best, spent = min(best, took), spent + max(took, 1e-6)
-    return best, answer
-
-
 def apart(found: np.ndarray, wanted: np.ndarray) -> str:
     return f"{np.abs(found - wanted).max() / np.abs(wanted).max():.0e}"
 
@@ -46,12 +36,12 @@ def row(n: int, m: int) -> list[str]:
     scene = shell(n, m)
     dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
     eyes = tc.sensors(dynamics.structure, lengths=1e-3)
-    taken, model = timed(lambda: tc.harmonics(dynamics, rest))
-    filtering, found = timed(lambda: tc.harmonic_kalman(model, eyes))
-    designing, lqg = timed(lambda: tc.harmonic_lqg(model, eyes, dt=DT), 1e-9)
+    taken, model = timed(lambda: tc.harmonics(dynamics, rest), 0.2)
+    filtering, found = timed(lambda: tc.harmonic_kalman(model, eyes), 0.2)
+    designing, lqg = timed(lambda: tc.harmonic_lqg(model, eyes, dt=DT))
     reading = eyes.read(rest, 0)
     lqg.step(0.0, reading)
-    stepping, _ = timed(lambda: lqg.step(0.0, reading))
+    stepping, _ = timed(lambda: lqg.step(0.0, reading), 0.2)
     cells = [f"({n},{m})", f"{model.nx}, {eyes.noise.size}", f"{taken + filtering:.3g}", f"{found.residual:.0e}"]
     cells += dense_filter(dynamics, rest, eyes, found, taken + filtering)
     cells += [f"{taken + designing:.3g}", f"{max(lqg.regulator.residual, lqg.filter.residual):.0e}"]

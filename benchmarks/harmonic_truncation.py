@@ -9,11 +9,11 @@ at the modes' frequencies.
 """
 
 import argparse
-import time
 import warnings
 
 import numpy as np
 import page
+from clock import timed
 from riccati import shell
 
 import tensctl as tc
@@ -32,18 +32,14 @@ def row(n: int, m: int) -> list[str]:
     dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
     model = tc.harmonics(dynamics, rest)
     outputs = tc.harmonic_outputs(model, ["lengths:t5_*"])
-    began = time.process_time()
-    less = tc.harmonic_truncate(outputs, model.nx // 5, damping=0.02)
-    took = time.process_time() - began
+    took, less = timed(lambda: tc.harmonic_truncate(outputs, model.nx // 5, damping=0.02))
     omega = np.sqrt(model.omega2)
     error = max(less.error_at(w) for w in omega[:: max(1, omega.size // LOOKED_AT)])
     cells = [f"({n},{m})", str(model.nx), str(less.order), f"{took:.2g}", f"{error:.3g}", f"{less.bound:.4g}"]
     if model.nx > DENSE_UP_TO:
         return [*cells, "", "", "", ""]
     linear = tc.linearize(dynamics, rest, outputs=("lengths:t5_*",))
-    began = time.process_time()
-    dense = tc.truncate(linear, less.order, damping=0.02)
-    long = time.process_time() - began
+    long, dense = timed(lambda: tc.truncate(linear, less.order, damping=0.02))
     values = dense.truncated.values
     gap = np.abs(values - less.values).max() / values[0]
     return [*cells, f"{long:.2g}", f"{long / took:.3g}", f"{dense.bound:.4g}", f"{gap:.0e}"]

@@ -9,11 +9,11 @@ Times are processor times with one BLAS thread. Other solvers stand beside this 
 import argparse
 import time
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import page
+from clock import timed
 
 import tensctl as tc
 from tensctl.errors import TensctlError
@@ -79,17 +79,6 @@ def problems(states: int) -> list[Problem]:
     ]
 
 
-def timed(work: Callable, at_least: float = 0.05) -> tuple[float, object]:
-    """Processor time of the fastest call, s, and its answer."""
-    best, spent, answer = np.inf, 0.0, None
-    while spent < at_least:
-        began = time.process_time()
-        answer = work()
-        took = time.process_time() - began
-        best, spent = min(best, took), spent + max(took, 1e-6)
-    return best, answer
-
-
 def shell_rows(sizes: list[tuple[int, int]]) -> list[dict]:
     """From equilibrium to gain: by harmonics, by the dense model, and by python-control on SciPy."""
     import control
@@ -103,7 +92,7 @@ def shell_rows(sizes: list[tuple[int, int]]) -> list[dict]:
         gain, design = timed(lambda model=model: tc.harmonic_lqr(model), long)
         row = {"shell": f"({n},{m})", "states": model.nx, "linear": linear, "gain": gain, "residual": design.residual}
         command = Measurement(rest.nodes, 0 * rest.nodes, rest.lengths, rest.tensions, rest.inputs)
-        row["step"], _ = timed(lambda design=design, command=command: design.step(0.0, command))
+        row["step"], _ = timed(lambda design=design, command=command: design.step(0.0, command), 0.05)
         if model.nx <= 700:
             row |= dense(dynamics, rest, design)
             began = time.process_time()
@@ -148,7 +137,7 @@ def extreme_scenes() -> dict[str, tuple[tc.Scene, float]]:
         found[f"stiffness ratio {ratio:.0e}"] = (shell(4, 1, tendons=tendons), 1.0)
     for ratio in (1e2, 1e4, 1e6, 1e8):
         found[f"mass ratio {ratio:.0e}"] = (shell(4, 1, rods={"mass": {"r1_*": 1.0, "r2_*": ratio}}), 1.0)
-    for part in (1e0, 1e-3, 1e-6, 1e-9):
+    for part in (1e0, 1e-3, 1e-6):
         found[f"prestress {part:.0e} of the default"] = (shell(4, 1), part)
     for ratio in (0.0, 0.01, 0.1, 1.0):
         tendons = {"rest_ratio": 0.8, "damping": {"ratio": ratio}}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from harmonic_support import DAMPED, relative
 from support import shell_scene, solved
 
 import tensctl as tc
@@ -17,7 +18,6 @@ from tensctl.analysis import (
 from tensctl.linear import harmonic_outputs
 
 EVERY = ("nodes", "lengths", "tensions")
-DAMPED = {"tendons": {"EA": 120.0, "rest_ratio": 0.8, "damping": 0.7}, "drag": {"coefficient": 0.2}}
 OWN = {f"g{i}": {f"t5_{i}_1": 1.0, f"t6_{i % 5 + 1}_1": 0.5} for i in range(1, 6)}
 CASES = {
     "free (3,1)": lambda: shell_scene(3, 1),
@@ -34,10 +34,6 @@ CASES = {
 def both(request):
     dynamics, rest, linear = solved(request.param(), EVERY)
     return linear, tc.harmonics(dynamics, rest)
-
-
-def relative(found, wanted):
-    return np.abs(found - wanted).max() / np.abs(wanted).max()
 
 
 def spread(report):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.linalg
+from harmonic_support import DAMPED, dense_and_harmonic, relative
 from support import replaced, shell_scene, solved
 
 import tensctl as tc
@@ -10,7 +11,6 @@ from tensctl.errors import LinearizationError
 from tensctl.synthesis.kalman import kalman, white_forces
 from tensctl.synthesis.over_period import integral
 
-DAMPED = {"tendons": {"EA": 120.0, "rest_ratio": 0.8, "damping": 0.7}, "drag": {"coefficient": 0.2}}
 CASES = {
     "free (3,1), lengths": ((3, 1), {}, {"lengths": 1e-3}),
     "free (4,2), lengths and tensions": ((4, 2), {}, {"lengths": {"*": 1e-3, "t5_*": 2e-3}, "tensions": 0.1}),
@@ -22,16 +22,9 @@ CASES = {
 }  # fmt: skip
 
 
-def relative(found, wanted):
-    return np.abs(found - wanted).max() / np.abs(wanted).max()
-
-
 @pytest.fixture(scope="module", params=CASES.values(), ids=CASES.keys())
 def both(request):
-    """Dense model, harmonics and sensors of one case."""
-    size, given, noise = request.param
-    dynamics, rest, linear = solved(shell_scene(*size, **given))
-    return linear, tc.harmonics(dynamics, rest), tc.sensors(dynamics.structure, **noise)
+    return dense_and_harmonic(*request.param)
 
 
 @pytest.fixture(scope="module")

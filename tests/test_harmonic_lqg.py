@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from harmonic_support import DAMPED, dense_and_harmonic, relative
 from support import random_motion, replaced, shell_scene, solved
 
 import tensctl as tc
 from tensctl.simulation import Measurement
 from tensctl.synthesis import Reading
 
-DAMPED = {"tendons": {"EA": 120.0, "rest_ratio": 0.8, "damping": 0.7}, "drag": {"coefficient": 0.2}}
 OWN = {f"g{i}": {f"t5_{i}_1": 1.0, f"t6_{i % 5 + 1}_1": 0.5} for i in range(1, 6)}
 DRIVEN = {"pins": ["P1_*_1"], "actuators": {"tendons": ["t1_*", "t3_*", "t4_*"], "gangs": OWN}}
 DT = 0.02
@@ -22,16 +22,9 @@ CASES = {
 }  # fmt: skip
 
 
-def relative(found, wanted):
-    return np.abs(found - wanted).max() / np.abs(wanted).max()
-
-
 @pytest.fixture(scope="module", params=CASES.values(), ids=CASES.keys())
 def both(request):
-    """Dense model, harmonics and sensors of one case."""
-    size, given, noise = request.param
-    dynamics, rest, linear = solved(shell_scene(*size, **given))
-    return linear, tc.harmonics(dynamics, rest), tc.sensors(dynamics.structure, **noise)
+    return dense_and_harmonic(*request.param)
 
 
 @pytest.fixture(scope="module")

@@ -4,17 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from harmonic_support import DAMPED, relative
 from support import random_motion, shell_scene, solved
 
 import tensctl as tc
 from tensctl.simulation import Measurement
 from tensctl.synthesis import care
-
-DAMPED = {"tendons": {"EA": 120.0, "rest_ratio": 0.8, "damping": 0.7}, "drag": {"coefficient": 0.2}}
-
-
-def relative(found, wanted):
-    return np.abs(found - wanted).max() / np.abs(wanted).max()
 
 
 def nearest(found, wanted):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from harmonic_support import DAMPED, relative
 from support import random_motion, replaced, shell_scene, solved
 
 import tensctl as tc
@@ -11,7 +12,6 @@ from tensctl.linear import harmonics
 from tensctl.linear.harmonic_map import is_real
 
 EVERY = ("nodes", "lengths", "tensions")
-DAMPED = {"tendons": {"EA": 120.0, "rest_ratio": 0.8, "damping": 0.7}, "drag": {"coefficient": 0.2}}
 CASES = {
     "free (3,1)": lambda: shell_scene(3, 1),
     "free (4,2)": lambda: shell_scene(4, 2),
@@ -29,10 +29,6 @@ def both(request):
     """The dense flexible model and the harmonics about the same rest."""
     dynamics, rest, linear = solved(request.param(), EVERY)
     return linear.flexible, harmonics(dynamics, rest)
-
-
-def relative(found, wanted):
-    return np.abs(found - wanted).max() / np.abs(wanted).max()
 
 
 def test_spectrum(both):

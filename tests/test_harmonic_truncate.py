@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from harmonic_support import DAMPED, relative
 from support import shell_scene, solved
 
 import tensctl as tc
 
 SHOWN = ("lengths:t5_*", "tensions:t6_*")
-DAMPED = {"tendons": {"EA": 120.0, "rest_ratio": 0.8, "damping": 0.7}, "drag": {"coefficient": 0.2}}
 CASES = {
     "free (3,1), damping stated": ((3, 1), {}, {"damping": 0.02}),
     "free (4,2), two seconds": ((4, 2), {}, {"horizon": 2.0}),
@@ -15,10 +15,6 @@ CASES = {
     "pinned, damped, dragged (4,1)": ((4, 1), {"pins": ["P1_*_1"], **DAMPED}, {}),
     "free, damped, dragged (3,1)": ((3, 1), DAMPED, {}),
 }
-
-
-def relative(found, wanted):
-    return np.abs(found - wanted).max() / np.abs(wanted).max()
 
 
 @pytest.fixture(scope="module", params=CASES.values(), ids=CASES.keys())

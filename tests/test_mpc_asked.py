@@ -47,7 +47,7 @@ class TestLargestChange:
         gangs = {"top": {"t6_*": 1.0, "t5_1_1": -2.0}}
         _, _, linear = solved(shell_scene(**MAST, actuators={"gangs": gangs}))
         controller = tc.MPC(linear, horizon=2, u_max={"*": 0.1, "t5_1_1": 0.05})
-        lower, upper = controller.input_range
+        lower, upper = controller.hard.range
         place = linear.inputs.index("u_top")
         assert (lower[place], upper[place]) == (-0.025, 0.025)
 

@@ -20,15 +20,13 @@ from tensctl.accuracy.solver_result import Floors, SolverAttempt, SolverPrecisio
 from tensctl.simulation import Load
 from tensctl.simulation.moving import Start
 from tensctl.synthesis import MPC
-from tensctl.synthesis.qp import Solver
+from tensctl.synthesis.qp import ACCEPT, Solver
 from tensctl.synthesis.qp_solvers import SOLVERS, new_solver
 from tensctl.threads import one_blas_thread
 
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 # Of the reference, m.
 _STRICT = 1e-12
-# Recomputed KKT residual up to which a controller takes an answer.
-_ACCEPT = 1e-6
 # Problems of each kind, and the part of the budget that the closed loop may take, and the reference.
 _MOST, _LOOP = 10, 0.2
 # A solve is timed again when it takes less than this, s.
@@ -127,7 +125,7 @@ def _references(posed: Sequence[Posed], share: float) -> tuple[list[Known], floa
         if known and time.perf_counter() > until:
             break
         first, kkt = ready(problem)()
-        if first is not None and kkt <= _ACCEPT:
+        if first is not None and kkt <= ACCEPT:
             known.append(Known(problem, first))
             worst = max(worst, kkt)
     return known, worst
@@ -144,7 +142,7 @@ def _attempt(known: list[Known], name: str, tol: float, floors: Floors, share: f
             break
         (first, kkt), took = _timed(ready(problem.posed))
         seconds.append(took)
-        accepted += first is not None and not kkt > _ACCEPT
+        accepted += first is not None and not kkt > ACCEPT
         if first is not None:
             kkts.append(kkt)
             errors.append(float((np.abs(first - problem.first) / problem.reach).max()))

@@ -42,7 +42,7 @@ def predictive_tables(mpc: MPC) -> tuple[Table, ...]:
     problem, members = mpc.problem, mpc.linear.dynamics.members
     W = np.linalg.inv(np.linalg.cholesky(problem.H))
     rest = mpc.reference.equilibrium
-    lower, upper = mpc.input_range
+    lower, upper = mpc.hard.range
     margin = problem.margin(rest.tensions, mpc.tension_min)
     reach = mpc.rate_max * mpc.dt / members.gearing.largest
     return (

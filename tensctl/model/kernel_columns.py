@@ -67,6 +67,17 @@ def segment(data, s, room):
 
 
 @bare
+def lengthened(data, t, first, room):
+    """Length of a tendon whose segments begin at `first`, and its rate."""
+    length, growing = 0.0, 0.0
+    for s in range(first, first + data.pieces[t]):
+        _, _, x, y, z, part, u, v, w = segment(data, s, room)
+        length += part
+        growing += x * u + y * v + z * w
+    return length, growing
+
+
+@bare
 def stretched(data, t, first, room, dL, begins, count, slope, by_rest, damping, pull):
     """Fill the columns of slope l + damping l' - by_rest L of a tendon whose segments begin at `first`.
 
@@ -131,11 +142,7 @@ def force_columns(data, rest, dL, begins, count, load, room):
             room.forces[i, c] = -data.drag * room.speeds[i, c]
     first = 0
     for t in range(rest.size):
-        length, growing = 0.0, 0.0
-        for s in range(first, first + data.pieces[t]):
-            _, _, x, y, z, part, u, v, w = segment(data, s, room)
-            length += part
-            growing += x * u + y * v + z * w
+        length, growing = lengthened(data, t, first, room)
         if length > rest[t]:
             k = data.stiffness[t] / rest[t] if data.by_strain else data.stiffness[t]
             tension = k * (length - rest[t]) + data.damping[t] * growing
@@ -236,11 +243,7 @@ def stretch_columns(data, rest, natural, dL, begins, count, room, stretch, stret
     """
     first = 0
     for t in range(rest.size):
-        length, growing = 0.0, 0.0
-        for s in range(first, first + data.pieces[t]):
-            _, _, x, y, z, part, u, v, w = segment(data, s, room)
-            length += part
-            growing += x * u + y * v + z * w
+        length, growing = lengthened(data, t, first, room)
         k = data.stiffness[t] / natural[t] if data.by_strain else data.stiffness[t]
         damping = data.damping[t] / k if length > rest[t] else 0.0
         slope = natural[t] / rest[t] if data.by_strain else 1.0

@@ -11,7 +11,7 @@ import numpy as np
 from tensctl.model import Dynamics
 from tensctl.simulation import Measurement, Run
 from tensctl.synthesis import MPC, NonlinearMPC, OutputMPC, Reading
-from tensctl.synthesis.limits import input_reach
+from tensctl.synthesis.input_limits import input_reach
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_solvers import SOLVERS
 from tensctl.synthesis.weights import Size
@@ -63,7 +63,7 @@ def certify(mpc: MPC | NonlinearMPC, run: Run) -> Certificate:
     low = run.rest_lengths < members.floors - _ROUNDING
     rates = np.abs(np.diff(run.rest_lengths, axis=0)) / np.diff(run.time)[:, None]
     fast = rates > mpc.rate_max * (1 + 1e-9) + _ROUNDING
-    lower, upper = mpc.input_range
+    lower, upper = mpc.hard.range
     far = (run.inputs < lower - _ROUNDING) | (run.inputs > upper + _ROUNDING)
     k = None if isinstance(mpc, NonlinearMPC) else _busiest(run)
     cost, inputs = (None, None) if k is None or isinstance(mpc, NonlinearMPC) else _twice(mpc, run, k)

@@ -17,6 +17,7 @@ from jaxtyping import Complex, Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel
+from tensctl.synthesis.estimating import Estimating
 from tensctl.synthesis.estimator import Estimator, Plant, kalman_estimator
 from tensctl.synthesis.feedback import command
 from tensctl.synthesis.harmonic_kalman import HarmonicKalman, harmonic_kalman
@@ -32,7 +33,7 @@ from tensctl.threads import one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
-class HarmonicLQG:
+class HarmonicLQG(Estimating):
     """Output feedback about a symmetric equilibrium; a controller when it was designed with a period.
 
     Attributes
@@ -101,18 +102,6 @@ class HarmonicLQG:
         own = self.regulator
         return own.period_costs if isinstance(own, HarmonicSampledLQR) else own.costs
 
-    def reset(self) -> None:
-        """Forget the estimate: the structure is at its equilibrium."""
-        self._recall({})
-
-    def state(self) -> dict[str, np.ndarray]:
-        """The estimate, real and imaginary parts in turn, and the inputs at the last sample."""
-        return dict(vars(self).get("_memory", {}))
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from this estimate."""
-        self._recall(state)
-
     @one_blas_thread()
     def step(self, t: float, measurement: Reading) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors.
@@ -122,12 +111,7 @@ class HarmonicLQG:
         SynthesisError
             For a design in continuous time, or when more than the sensors' reading is shown.
         """
-        if self.dt is None:
-            raise SynthesisError("this LQG was designed in continuous time; give harmonic_lqg a control period dt.")
-        if not isinstance(measurement, Reading):
-            raise SynthesisError(
-                "LQG is shown what its sensors read; give step(t, lqg.sensors.read(measurement, sample))."
-            )
+        self._check_shown(measurement, self.dt, "harmonic_lqg")
         rest, waves = self.linear.equilibrium, self.linear.map.waves
         change, last = measurement.inputs - rest.inputs, self.state()
         u, y = waves(change), self.filter.outputs.waves(measurement.values - self.sensors.of(rest))
@@ -138,12 +122,9 @@ class HarmonicLQG:
             before = zip(self.estimators, self._unpacked(last["estimate"]), waves(last["inputs"]), u, strict=True)
             gone_on = [e.Phi @ xi + e.before @ earlier + e.now @ now for e, xi, earlier, now in before]
             estimate = [seen + own for seen, own in zip(estimate, gone_on, strict=True)]
-        self._recall({"estimate": _packed(estimate), "inputs": change})
+        self.restore({"estimate": _packed(estimate), "inputs": change})
         asked = [-(e.C @ xi + e.direct @ uk) for e, xi, uk in zip(self.estimators, estimate, u, strict=True)]
         return command(self.linear, self.linear.map.shortening(asked))
-
-    def _recall(self, memory: dict[str, np.ndarray]) -> None:
-        vars(self)["_memory"] = dict(memory)
 
     def _unpacked(self, packed: np.ndarray) -> list[np.ndarray]:
         """Estimates by harmonic."""

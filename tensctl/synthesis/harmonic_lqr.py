@@ -20,7 +20,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, LinearModel, sample_ramped
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import optimal
-from tensctl.synthesis.feedback import Measured, command
+from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR, sampled_design
 from tensctl.synthesis.harmonic_margins import enclosed_margin
 from tensctl.synthesis.harmonic_riccati import by_harmonic, name_lost, poles_of, residual_of, stable
@@ -37,7 +37,7 @@ _SQUARINGS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class HarmonicLQR:
+class HarmonicLQR(Memoryless):
     """State feedback about a symmetric equilibrium; a controller with `step` and `reset`.
 
     Attributes
@@ -85,16 +85,6 @@ class HarmonicLQR:
         """Least and largest value of the disk margin at the plant's inputs, of all at once, in continuous time."""
         parts = zip(self.linear.blocks, self.K, strict=True)
         return enclosed_margin(Sensitivity(b.A - b.B @ K, b.B, -K, None) for b, K in parts)
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Nothing is remembered from step to step, so runs under it can be stored and resumed."""
-        return {}
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Nothing to remember."""
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:

@@ -18,7 +18,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, LinearModel, Sampled, sample_ramped
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import Optimum, optimal
-from tensctl.synthesis.feedback import Measured, command
+from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.harmonic_riccati import by_harmonic, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks
 from tensctl.synthesis.lqr_sampled import continuous_poles
@@ -28,7 +28,7 @@ from tensctl.threads import one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
-class HarmonicSampledLQR:
+class HarmonicSampledLQR(Memoryless):
     """Sampled state feedback about a symmetric equilibrium; a controller with `step` and `reset`.
 
     Attributes
@@ -78,16 +78,6 @@ class HarmonicSampledLQR:
     def slowest(self) -> float:
         """Real part of the slowest pole, 1/s; negative when the loop is stable."""
         return float(np.real(self.poles).max(initial=-np.inf))
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Nothing is remembered from step to step, so runs under it can be stored and resumed."""
-        return {}
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Nothing to remember."""
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:

@@ -74,8 +74,7 @@ class HarmonicReduced:
         """Root of the integral of the squared difference of the impulse responses up to T s."""
         squares = 0.0
         for (block, own), A in zip(self._pairs, self.damped, strict=True):
-            both = gramian(sla.block_diag(A, own.A), np.vstack([block.B, own.B]), T, None).factor
-            squares += block.copies * np.linalg.norm(np.hstack([self.outputs.C(block), -own.C]) @ both) ** 2
+            squares += block.copies * own.impulse_error(T, A, block.B, self.outputs.C(block)) ** 2
         return float(np.sqrt(squares))
 
     @cached_property
@@ -107,9 +106,7 @@ class HarmonicReduced:
 
     def _error(self, k: int, omega: float) -> float:
         block, own = self._pairs[k]
-        full = self.outputs.C(block) @ np.linalg.solve(1j * omega * np.eye(block.nx) - self.damped[k], block.B)
-        less = own.C @ np.linalg.solve(1j * omega * np.eye(own.order) - own.A, own.B.astype(complex))
-        return float(np.linalg.norm(full - less, 2))
+        return own.error_at(omega, self.damped[k], block.B, self.outputs.C(block))
 
 
 @one_blas_thread()

@@ -10,11 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.structure import Members, Structure
-from tensctl.structure.labels import by_label
 from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.qp import QP
-from tensctl.synthesis.weights import Size
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,18 +68,3 @@ class Limits:
         predicted = problem.tension_from_state @ self.start + rows @ plan.ravel()
         below = -(predicted.reshape(self.tension_margin.shape) + self.tension_margin) * problem.tension_scale
         return float(below.max(initial=0.0))
-
-
-def input_reach(structure: Structure, members: Members, u_max: Size | None) -> Float[np.ndarray, " nu"]:
-    """Largest change of each input, (nu,) m, at which no rest length changes by more than u_max; infinite without one.
-
-    Parameters
-    ----------
-    u_max : number or table by tendon label, optional
-        Largest change of a rest length from L0, m; of a motor that pulls several tendons each keeps its own.
-    """
-    reach = np.full(members.gearing.size, np.inf)
-    if u_max is not None:
-        most = by_label(structure.tendon_labels, u_max, "u_max", np.inf)[members.inputs]
-        np.minimum.at(reach, members.gearing.motor, most / np.abs(members.gearing.ratio))
-    return reach

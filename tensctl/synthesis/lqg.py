@@ -21,6 +21,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
 from tensctl.synthesis.checked import checked_cost
 from tensctl.synthesis.crossed import Optimum, optimal
+from tensctl.synthesis.estimating import Estimating
 from tensctl.synthesis.estimator import Estimator, Plant, kalman_estimator
 from tensctl.synthesis.feedback import command
 from tensctl.synthesis.kalman import Kalman, kalman, white_forces
@@ -40,7 +41,7 @@ from tensctl.threads import one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
-class LQG:
+class LQG(Estimating):
     """Output feedback about an equilibrium; a controller with `step` and `reset` when it was designed with a period.
 
     Attributes
@@ -154,18 +155,6 @@ class LQG:
         said = f"LQG, {ends}, {size}; slowest pole {self.slowest:.3g} 1/s"
         return said if self.small_gain is None else f"{said}; {self.small_gain}"
 
-    def reset(self) -> None:
-        """Forget the estimate: the structure is at its equilibrium."""
-        self._recall({})
-
-    def state(self) -> dict[str, np.ndarray]:
-        """The estimate and the inputs at the last sample."""
-        return dict(vars(self).get("_memory", {}))
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from this estimate."""
-        self._recall(state)
-
     def step(self, t: float, measurement: Reading) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors.
 
@@ -174,23 +163,15 @@ class LQG:
         SynthesisError
             For a design in continuous time, or when more than the sensors' reading is shown.
         """
-        if self.dt is None:
-            raise SynthesisError("this LQG was designed in continuous time; give lqg a control period dt to run it.")
-        if not isinstance(measurement, Reading):
-            raise SynthesisError(
-                "LQG is shown what its sensors read; give step(t, lqg.sensors.read(measurement, sample))."
-            )
+        self._check_shown(measurement, self.dt, "lqg")
         e, rest = self.estimator, self.linear.equilibrium
         u = measurement.inputs - rest.inputs
         estimate = e.seen @ (measurement.values - self.sensors.of(rest) - self.plant.D @ u)
         last = self.state()
         if last:
             estimate = estimate + e.Phi @ last["estimate"] + e.before @ last["inputs"] + e.now @ u
-        self._recall({"estimate": estimate, "inputs": u})
+        self.restore({"estimate": estimate, "inputs": u})
         return command(self.linear, -(e.C @ estimate + e.direct @ u))
-
-    def _recall(self, memory: dict[str, np.ndarray]) -> None:
-        vars(self)["_memory"] = dict(memory)
 
     def verify(self, tol: float = 1e-9) -> None:
         """Check both Riccati residuals, the loop's stability, separation and the covariance.

@@ -20,7 +20,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
 from tensctl.synthesis.checked import checked_cost
 from tensctl.synthesis.crossed import optimal, residual
-from tensctl.synthesis.feedback import Measured, command
+from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.lqr_sampled import SampledLQR, sampled_lqr
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.stabilisable import LeftOut, stabilisable
@@ -32,7 +32,7 @@ _SAMPLES = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class LQR:
+class LQR(Memoryless):
     """State feedback about an equilibrium; a controller with `step` and `reset`.
 
     Attributes
@@ -89,16 +89,6 @@ class LQR:
         """From what disturbs the plant's inputs to these, in continuous time."""
         T = self.basis
         return Sensitivity(T.T @ (self.A - self.B @ self.K) @ T, T.T @ self.B, -self.K @ T, None)
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Nothing is remembered from step to step, so runs under it can be stored and resumed."""
-        return {}
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Nothing to remember."""
 
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""

@@ -17,14 +17,14 @@ from jaxtyping import Complex, Float
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, Sampled, sample_ramped
 from tensctl.synthesis.crossed import optimal, residual
-from tensctl.synthesis.feedback import Measured, command
+from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.over_period import ramped_cost
 from tensctl.synthesis.stabilisable import LeftOut, Part
 from tensctl.synthesis.weights import Cost
 
 
 @dataclass(frozen=True, eq=False)
-class SampledLQR:
+class SampledLQR(Memoryless):
     """Sampled state feedback about an equilibrium; a controller with `step` and `reset`.
 
     Attributes
@@ -78,16 +78,6 @@ class SampledLQR:
     def slowest(self) -> float:
         """Real part of the slowest pole, 1/s; negative when the loop is stable."""
         return float(np.real(self.poles).max(initial=-np.inf))
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Nothing is remembered from step to step, so runs under it can be stored and resumed."""
-        return {}
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Nothing to remember."""
 
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""

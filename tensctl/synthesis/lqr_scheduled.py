@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
 from tensctl.model import Dynamics
-from tensctl.synthesis.feedback import Measured
+from tensctl.synthesis.feedback import Measured, Memoryless
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.path import ShapePath
@@ -26,7 +26,7 @@ Design = LQR | SampledLQR
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduledLQR:
+class ScheduledLQR(Memoryless):
     """State feedback along a path; a controller with `step` and `reset`.
 
     Attributes
@@ -55,16 +55,6 @@ class ScheduledLQR:
     def slowest(self) -> float:
         """Real part of the slowest pole of all designs, 1/s; negative when each loop at rest is stable."""
         return max(design.slowest for design in self.designs)
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Nothing is remembered from step to step, so runs under it can be stored and resumed."""
-        return {}
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Nothing to remember."""
 
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""

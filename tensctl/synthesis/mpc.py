@@ -11,7 +11,6 @@ shifted and clipped to the hard limits.
 
 from __future__ import annotations
 
-from functools import cached_property
 from time import perf_counter
 from typing import Any, Literal
 
@@ -23,7 +22,8 @@ from tensctl.linear import LinearModel, linearize
 from tensctl.model.tensions import tensions_at
 from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, condense
-from tensctl.synthesis.limits import Limits, input_reach
+from tensctl.synthesis.input_limits import InputLimits, check_asked
+from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.piece import Piece
@@ -34,15 +34,13 @@ from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
 from tensctl.synthesis.signal import Wanted, signal_for
 from tensctl.synthesis.slack_margin import Parting, expected, parting
-from tensctl.synthesis.step_record import StepRecord
+from tensctl.synthesis.step_record import StepRecord, told
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
 
 # Planned equilibria between two linear models. On the (3,1) mast that grows by a fifth, 1, 2, 4 and 8 stay equally near
 # the reference (1.6 mm at worst); more models cost set-up only and are there for longer ways.
 _STRIDE = 2
-# A shortfall below this, N, is none: a solver that saw no solution was wrong, and the floors are kept after all.
-_KEPT = 1e-9
 # Most variables of the dense condensed problem: H and its rows, 8 n^2 and at least 16 n^2 bytes, then take 0.4 GB for
 # each linear model.
 _LARGEST = 4000
@@ -111,10 +109,7 @@ class MPC:
         asked = MpcStage.checked(
             horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, solver=solver, delay=delay, modes=modes
         )
-        if not np.isfinite(tension_min):
-            raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
-        if delay > asked.dt:
-            raise SynthesisError(f"mpc.delay is {delay} s; a time from 0 to dt = {asked.dt:g} s is expected.")
+        check_asked(tension_min, delay, asked.dt)
         self.linear = below_sampling_limit(linear.flexible, asked.dt, modes)
         self.horizon, self.dt, self.delay = asked.horizon, asked.dt, float(delay)
         self._fast: Fast = modes
@@ -133,7 +128,8 @@ class MPC:
         if not self.linear.inputs:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
         _check_size(self.linear, horizon)
-        refuse_beyond(self.reference, self.linear.inputs, self.input_range)
+        self.hard = InputLimits.of(self.linear.dynamics, self.rate_max, self.dt, self.u_max)
+        refuse_beyond(self.reference, self.linear.inputs, self.hard.range)
         for knot in range(len(self.reference.equilibria)):
             self._piece(knot)
 
@@ -180,10 +176,8 @@ class MPC:
         piece = self._piece(self.reference.knot_at(t))
         limits = self.limits(t, look)
         plan, status, kkt = self._solve(piece, limits)
-        hard = not (status.endswith(" relaxed") or status == "fallback")
-        relaxed = 0.0 if hard else limits.shortfall(piece.problem, plan)
-        if relaxed <= _KEPT:
-            status, relaxed = status.removesuffix(" relaxed"), 0.0
+        kept = not (status.endswith(" relaxed") or status == "fallback")
+        status, relaxed = told(status, 0.0 if kept else limits.shortfall(piece.problem, plan))
         plan = plan + limits.about
         record = StepRecord(t, status, perf_counter() - began, kkt, relaxed, part.gap, part.tendon)
         command = self._command_of(plan, now, record)
@@ -193,7 +187,7 @@ class MPC:
     def _command_of(self, plan: np.ndarray, now: np.ndarray, record: StepRecord) -> np.ndarray:
         """The first command of a plan of total inputs, within hard limits; plan and record are kept."""
         under_way = self._command if self.delay else None
-        self._plan, self._command = plan, self._clipped(plan[0], now if under_way is None else under_way)
+        self._plan, self._command = plan, self.hard.kept(plan[0], now if under_way is None else under_way)
         self.records.append(record)
         return self._command
 
@@ -251,8 +245,7 @@ class MPC:
         times = acts + self.dt * np.arange(self.horizon + 1)
         course, tensions = self.reference.inputs_at(times), self.reference.tensions_at(times[1:])
         before, ahead = course[:-1], course[1:]
-        reach = self._reach
-        lower, upper = self.input_range
+        lower, upper, reach = *self.hard.range, self.hard.reach
         return Limits(
             start=np.concatenate([state - here, inputs + rest - before[0]]),
             tension_margin=piece.problem.margin(tensions, self.tension_min),
@@ -283,21 +276,6 @@ class MPC:
             coming = self._command - piece.linear.equilibrium.inputs
         return way.F @ state + way.G0 @ inputs + way.G1 @ coming, coming
 
-    @cached_property
-    def _reach(self) -> Float[np.ndarray, " nu"]:
-        """How far each input may go in a period, m: its fastest tendon keeps the rate limit."""
-        return self.rate_max * self.dt / self.linear.dynamics.members.gearing.largest
-
-    @cached_property
-    def input_range(self) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
-        """Least and largest total inputs, m: rest lengths keep their floors and change by at most u_max."""
-        dynamics = self.linear.dynamics
-        (lower, upper), reach = (
-            dynamics.members.input_bounds,
-            input_reach(dynamics.structure, dynamics.members, self.u_max),
-        )
-        return np.maximum(lower, -reach), np.minimum(upper, reach)
-
     def _piece(self, knot: int) -> Piece:
         """Linear model and problem for a planned equilibrium, built once for every `_STRIDE` of them."""
         last = len(self.reference.equilibria) - 1
@@ -327,11 +305,6 @@ class MPC:
     def _continued(plan: np.ndarray) -> np.ndarray:
         """What a plan does from its second period on; its end is held."""
         return np.vstack([plan[1:], plan[-1:]])
-
-    def _clipped(self, command: np.ndarray, now: np.ndarray) -> np.ndarray:
-        """The command within rate and rest-length limits, to the last bit."""
-        command = np.clip(command, now - self._reach, now + self._reach)
-        return np.clip(command, *self.input_range)
 
 
 def _check_size(linear: LinearModel, horizon: int) -> None:

@@ -218,8 +218,8 @@ class OutputMPC(MPC):
         margin = self._margin + problem.tension @ at_rest + self._tension_shown @ d
         ahead = np.tile(rest.inputs + target.inputs, (self.horizon, 1))
         start, margin = np.concatenate([state, inputs]) - at_rest, np.broadcast_to(margin, (self.horizon, margin.size))
-        lower, upper = self.input_range
-        reach = np.broadcast_to(self._reach, ahead.shape)
+        lower, upper = self.hard.range
+        reach = np.broadcast_to(self.hard.reach, ahead.shape)
         return Limits(start, margin, lower - ahead, upper - ahead, -reach, reach, ahead)
 
     def _look(self, t: float, reading: Reading) -> _Look:
@@ -240,7 +240,7 @@ class OutputMPC(MPC):
 
     def _rest_under(self, t: float, estimate: Estimate) -> Target:
         rest, when = self.linear.equilibrium, t + self.delay + self.dt
-        lower, upper = (bound - rest.inputs for bound in self.input_range)
+        lower, upper = (bound - rest.inputs for bound in self.hard.range)
         target = self._programme.at(
             estimate.mean[len(self.linear.A) :],
             self._wanted_at(when),

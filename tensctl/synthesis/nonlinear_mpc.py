@@ -26,7 +26,7 @@ from tensctl.model import Dynamics
 from tensctl.scene import MpcStage
 from tensctl.statics import Equilibrium
 from tensctl.synthesis.feedback import Measured
-from tensctl.synthesis.limits import input_reach
+from tensctl.synthesis.input_limits import InputLimits, check_asked
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.nonlinear_problem import Bounds, Measure, gauss_newton
 from tensctl.synthesis.qp import QP
@@ -35,12 +35,9 @@ from tensctl.synthesis.reference import Hold, Reference, refuse_beyond
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
-from tensctl.synthesis.step_record import StepRecord
+from tensctl.synthesis.step_record import StepRecord, told
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
-
-# A shortfall below this, N, is none.
-_KEPT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -97,10 +94,7 @@ class NonlinearMPC:
         iterations: int = 1,
     ) -> None:
         asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, delay=delay)
-        if not np.isfinite(tension_min):
-            raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
-        if delay > asked.dt:
-            raise SynthesisError(f"mpc.delay is {delay} s; a time from 0 to dt = {asked.dt:g} s is expected.")
+        check_asked(tension_min, delay, asked.dt)
         if int(iterations) != iterations or iterations < 1:
             raise SynthesisError(f"iterations is {iterations}; a whole number, at least 1, is expected.")
         if not dynamics.members.gearing.size:
@@ -110,7 +104,8 @@ class NonlinearMPC:
         self.tension_min, self.rate_max, self.u_max = float(tension_min), asked.rate_max, asked.u_max
         self.weights = Weights() if weights is None else weights
         self.reference: Reference = Hold(reference) if isinstance(reference, Equilibrium) else reference
-        refuse_beyond(self.reference, dynamics.input_labels, self.input_range)
+        self.hard = InputLimits.of(dynamics, self.rate_max, self.dt, self.u_max)
+        refuse_beyond(self.reference, dynamics.input_labels, self.hard.range)
         self._roll = rolling(dynamics, asked.dt)
         self._measures: dict[int, Measure] = {}
         self._plan: np.ndarray | None = None
@@ -156,8 +151,7 @@ class NonlinearMPC:
             relaxed = self._shortfall(qp, z)
             better = self._kept(z.reshape(plan.shape) + ahead, now)
             plan, change = better, float(np.abs(better - plan).max())
-        if relaxed <= _KEPT:
-            status, relaxed = status.removesuffix(" relaxed"), 0.0
+        status, relaxed = told(status, relaxed)
         self._plan = plan
         self.records.append(NonlinearRecord(t, status, perf_counter() - began, kkt, relaxed, change=change))
         return plan[0]
@@ -200,11 +194,11 @@ class NonlinearMPC:
 
     def _bounds(self, t: float, now: np.ndarray) -> Bounds:
         members, ahead = self.dynamics.members, self._ahead(t)
-        lower, upper = self.input_range
+        lower, upper, reach = *self.hard.range, self.hard.reach
         moving = np.diff(np.vstack([now, ahead]), axis=0)
         tendons, side = self._limited
         limit = np.where(side > 0, self.tension_min, members.force_max[tendons]) / self._scale
-        return Bounds(lower - ahead, upper - ahead, -self._reach - moving, self._reach - moving, tendons, side, limit)
+        return Bounds(lower - ahead, upper - ahead, -reach - moving, reach - moving, tendons, side, limit)
 
     def _shortfall(self, qp: QP, z: np.ndarray) -> float:
         """Largest tension by which the linearised plan passes a limit, N."""
@@ -229,20 +223,8 @@ class NonlinearMPC:
         """The plan within rate and rest-length limits, to the last bit."""
         kept = np.empty_like(plan)
         for k, u in enumerate(plan):
-            now = kept[k] = np.clip(np.clip(u, now - self._reach, now + self._reach), *self.input_range)
+            now = kept[k] = self.hard.kept(u, now)
         return kept
-
-    @cached_property
-    def input_range(self) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
-        """Least and largest total inputs, m: rest lengths keep their floors and change by at most u_max."""
-        lower, upper = self.dynamics.members.input_bounds
-        reach = input_reach(self.dynamics.structure, self.dynamics.members, self.u_max)
-        return np.maximum(lower, -reach), np.minimum(upper, reach)
-
-    @cached_property
-    def _reach(self) -> Float[np.ndarray, " nu"]:
-        """How far each input may go in a period, m: its fastest tendon keeps the rate limit."""
-        return self.rate_max * self.dt / self.dynamics.members.gearing.largest
 
     @property
     def bounded(self) -> int:

@@ -20,9 +20,6 @@ from tensctl.synthesis.qp import QP, Solution, Solver
 from tensctl.synthesis.qp_solvers import new_solver, order_of
 from tensctl.synthesis.relaxed import relax
 
-# An answer whose KKT residual is larger is refused.
-_ACCEPT = 1e-6
-
 
 @dataclass(frozen=True, eq=False)
 class Piece:
@@ -65,8 +62,8 @@ class Piece:
             if soft not in asked:
                 asked[soft] = relax(hard, self.problem.horizon)
             solution = self.ask(name, asked[soft], soft=soft)
-            if solution.z is not None and solution.kkt <= _ACCEPT:
-                plan = solution.z[: hard.f.size].reshape(self.problem.horizon, -1)
+            if (z := solution.accepted) is not None:
+                plan = z[: hard.f.size].reshape(self.problem.horizon, -1)
                 return plan, name + " relaxed" * soft, solution.kkt
             infeasible = infeasible or solution.status == "infeasible"
         return None

@@ -13,6 +13,8 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
+# An answer whose KKT residual is larger is refused.
+ACCEPT = 1e-6
 # Stands for zero in a denominator; its square is still a number.
 _TINY = 1e-150
 
@@ -60,8 +62,11 @@ class QP:
         The largest of: stationarity over the largest of its terms, violated bounds and multipliers on inactive
         bounds, each over the size of what it is measured against.
         """
+        return self.residual(z, y, self.values(z))
+
+    def residual(self, z: np.ndarray, y: np.ndarray, values: np.ndarray) -> float:
+        """`kkt_residual` with the values of z at hand."""
         n = self.f.size
-        values = self.values(z)
         pull = self.H @ z
         acting = np.flatnonzero(y[n:])
         push = y[:n] + y[n:][acting] @ self.A[acting]
@@ -92,6 +97,11 @@ class Solution:
     y: Float[np.ndarray, " n_plus_r"] | None
     status: str
     kkt: float
+
+    @property
+    def accepted(self) -> Float[np.ndarray, " n"] | None:
+        """The answer, when it is good enough."""
+        return self.z if self.kkt <= ACCEPT else None
 
 
 class Solver(Protocol):

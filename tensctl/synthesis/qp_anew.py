@@ -17,15 +17,12 @@ from tensctl.synthesis.qp_dense import solve_dense
 from tensctl.synthesis.qp_lazy import PATIENT, solve_lazily
 from tensctl.synthesis.relaxed import relax
 
-# An answer whose KKT residual is larger is refused.
-_ACCEPT = 1e-6
-
 
 def answer(qp: QP, horizon: int) -> tuple[Float[np.ndarray, " n"], str, float] | None:
     """Plan, status and KKT residual of the first answer that is good enough; None without any."""
     for status, found in _answers(qp, horizon):
-        if found.z is not None and found.kkt <= _ACCEPT:
-            return found.z[: qp.f.size], status, found.kkt
+        if (z := found.accepted) is not None:
+            return z[: qp.f.size], status, found.kkt
     return None
 
 

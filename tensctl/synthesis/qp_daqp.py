@@ -50,8 +50,9 @@ class DaqpSolver:
         if not self._ready:
             return judged(qp, None, None, "failed")
         free = np.asarray(dpotrs(self._half, -qp.f, lower=1)[0])
-        if qp.violation(free) == 0.0:
-            return judged(qp, free, np.zeros(qp.upper.size), "solved")
+        values, idle = qp.values(free), np.zeros(qp.upper.size)
+        if qp.broken(values) == 0.0:
+            return Solution(free, idle, "solved", qp.residual(free, idle, values))
         self._model.update(
             f=qp.f.copy(), bupper=_clipped(qp.upper), blower=_clipped(qp.lower),
             sense=np.zeros(qp.upper.size, np.int32),

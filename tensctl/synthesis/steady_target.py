@@ -24,7 +24,6 @@ from tensctl.synthesis.relaxed import relax
 # Weight of the inputs over the steepest tracked direction: an offset of 1e-8 over the square of a direction's gain
 # relative to the best one, 1e-6 at a tenth; the conditioning of H is its inverse.
 _RHO = 1e-8
-_ACCEPT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +106,8 @@ class SteadyTarget:
             if gives_way not in self._solvers:
                 self._solvers[gives_way] = DaqpSolver(asked)
             found = self._solvers[gives_way].solve(asked)
-            if found.z is not None and found.kkt <= _ACCEPT:
-                u = np.clip(found.z[: near.size], *bounds)
+            if (z := found.accepted) is not None:
+                u = np.clip(z[: near.size], *bounds)
                 missed = self.gain @ u + gap
                 by_input, by_disturbance = self.model.rest
                 return Target(

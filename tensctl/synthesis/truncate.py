@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import scipy.linalg as sla
 
 from tensctl.analysis.gramian import gramian, oscillators
 from tensctl.errors import SynthesisError
@@ -50,16 +49,11 @@ class ReducedModel:
 
     def error_at(self, omega: float) -> float:
         """Gain of the difference to the full model at an angular frequency."""
-        t, model = self.truncated, self.linear
-        full = model.C @ np.linalg.solve(1j * omega * np.eye(len(self.damped)) - self.damped, model.B)
-        less = t.C @ np.linalg.solve(1j * omega * np.eye(t.order) - t.A, t.B.astype(complex))
-        return float(np.linalg.norm(full - less, 2))
+        return self.truncated.error_at(omega, self.damped, self.linear.B, self.linear.C)
 
     def impulse_error(self, T: float) -> float:
         """Root of the integral of the squared difference of the impulse responses up to T s."""
-        t, model = self.truncated, self.linear
-        factor = gramian(sla.block_diag(self.damped, t.A), np.vstack([model.B, t.B]), T, None).factor
-        return float(np.linalg.norm(np.hstack([model.C, -t.C]) @ factor))
+        return self.truncated.impulse_error(T, self.damped, self.linear.B, self.linear.C)
 
     def to_statespace(self) -> control.StateSpace:
         """The model as a `control.StateSpace` with the full model's inputs and outputs."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float, Inexact
 
 from tensctl.analysis.gramian import gramian, summed
@@ -49,6 +50,17 @@ class Truncated:
     def order(self) -> int:
         """Number of states."""
         return len(self.A)
+
+    def error_at(self, omega: float, A: np.ndarray, B: np.ndarray, C: np.ndarray) -> float:
+        """Gain of the difference to the full system A, B, C at an angular frequency."""
+        full = C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B)
+        less = self.C @ np.linalg.solve(1j * omega * np.eye(self.order) - self.A, self.B.astype(complex))
+        return float(np.linalg.norm(full - less, 2))
+
+    def impulse_error(self, T: float, A: np.ndarray, B: np.ndarray, C: np.ndarray) -> float:
+        """Root of the integral of the squared difference of the impulse responses up to T s."""
+        factor = gramian(sla.block_diag(A, self.A), np.vstack([B, self.B]), T, None).factor
+        return float(np.linalg.norm(np.hstack([C, -self.C]) @ factor))
 
 
 def balanced(A: np.ndarray, B: np.ndarray, C: np.ndarray, order: int, *, sampled: bool = False) -> Truncated:

@@ -1,0 +1,79 @@
+"""Hard limits of the inputs, which no command passes, whatever a solver says.
+
+lower <= u <= upper   rest lengths keep their floors and change by at most u_max
+|u - u_now| <= reach  no rest length is faster than rate_max within a period
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tensctl.errors import SynthesisError
+from tensctl.model import Dynamics
+from tensctl.structure import Members, Structure
+from tensctl.structure.labels import by_label
+from tensctl.synthesis.weights import Size
+
+
+@dataclass(frozen=True, eq=False)
+class InputLimits:
+    """Limits of total inputs.
+
+    Attributes
+    ----------
+    lower, upper : (nu,) m
+    reach : (nu,) m
+        How far each input may go in a period: its fastest tendon keeps the rate limit.
+    """
+
+    lower: Float[np.ndarray, " nu"]
+    upper: Float[np.ndarray, " nu"]
+    reach: Float[np.ndarray, " nu"]
+
+    @classmethod
+    def of(cls, dynamics: Dynamics, rate_max: float, dt: float, u_max: Size | None) -> InputLimits:
+        """Those of a structure's inputs: a rate limit, m/s, a period, s, and a largest change of rest lengths, m."""
+        members = dynamics.members
+        (lower, upper), most = members.input_bounds, input_reach(dynamics.structure, members, u_max)
+        return cls(np.maximum(lower, -most), np.minimum(upper, most), rate_max * dt / members.gearing.largest)
+
+    @property
+    def range(self) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
+        """Least and largest total inputs, m."""
+        return self.lower, self.upper
+
+    def kept(self, u: Float[np.ndarray, " nu"], now: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:
+        """Inputs within all limits, to the last bit, a period after those of now."""
+        return np.clip(np.clip(u, now - self.reach, now + self.reach), self.lower, self.upper)
+
+
+def input_reach(structure: Structure, members: Members, u_max: Size | None) -> Float[np.ndarray, " nu"]:
+    """Largest change of each input, (nu,) m, at which no rest length changes by more than u_max; infinite without one.
+
+    Parameters
+    ----------
+    u_max : number or table by tendon label, optional
+        Largest change of a rest length from L0, m; of a motor that pulls several tendons each keeps its own.
+    """
+    reach = np.full(members.gearing.size, np.inf)
+    if u_max is not None:
+        most = by_label(structure.tendon_labels, u_max, "u_max", np.inf)[members.inputs]
+        np.minimum.at(reach, members.gearing.motor, most / np.abs(members.gearing.ratio))
+    return reach
+
+
+def check_asked(tension_min: float, delay: float, dt: float) -> None:
+    """Refuse a floor that is no number, and a delay longer than a period.
+
+    Raises
+    ------
+    SynthesisError
+        With the setting and what is expected.
+    """
+    if not np.isfinite(tension_min):
+        raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
+    if delay > dt:
+        raise SynthesisError(f"mpc.delay is {delay} s; a time from 0 to dt = {dt:g} s is expected.")
