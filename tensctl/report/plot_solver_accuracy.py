@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from tensctl.errors import OutputError
 from tensctl.report.numbers import seconds
 from tensctl.report.palette import BAD, BLUE, GREEN, MUTED, ORANGE, PURPLE, Ink
 from tensctl.report.plots import DASHES, Plot, Sheet, draw, log_axis
+from tensctl.report.written import write_measured
 
 if TYPE_CHECKING:
     from tensctl.accuracy.solver_result import SolverPrecision
@@ -47,15 +46,9 @@ def write_solvers(measured: SolverPrecision, folder: Path) -> None:
     OutputError
         When they cannot be written.
     """
-    text = json.dumps(measured.to_dict(), indent=2, allow_nan=False) + "\n"
     figure = Figure(figsize=(7.6, 4.2))
     paint(figure.add_axes((0.1, 0.13, 0.68, 0.76)), measured)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "solvers.json").write_text(text, encoding="utf-8")
-        figure.savefig(folder / "solvers.svg")
-    except OSError as error:
-        raise OutputError(f"{folder} cannot be written: {error.strerror or error}.") from None
+    write_measured("solvers", measured.to_dict(), figure, folder)
 
 
 def paint(axes: Axes, measured: SolverPrecision) -> None:

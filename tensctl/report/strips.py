@@ -181,7 +181,9 @@ def _relaxed(axes: Axes, moments: np.ndarray) -> None:
 
 
 def _names(axes: Axes, strip: Strip, named: np.ndarray) -> None:
-    """The named traces' labels at the right edge, moved apart so that none covers another."""
+    """The named traces' labels at the right edge, moved apart so that none covers another; a nameless one has none."""
+    if not any(strip.labels):
+        return
     last = np.nan_to_num(strip.values[-1, named])
     ends = axes.transData.transform(np.column_stack([np.full(len(named), strip.time[-1]), last]))
     order = np.argsort(ends[:, 1], kind="stable")
