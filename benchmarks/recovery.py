@@ -185,7 +185,9 @@ def plot(points: list[Point], path: Path) -> None:
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
     grid[0].set_ylabel("largest push of 0.1 s, N")
-    grid[0].legend(frameon=False, fontsize=8)
+    figure.legend(
+        *grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(COLOURS), frameon=False, fontsize=8
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={"Date": None})
 
