@@ -14,6 +14,7 @@ from tensctl.accuracy.solvers import Known, _attempt, compared
 from tensctl.cli import main
 from tensctl.pipeline import measure_solvers
 from tensctl.synthesis.qp_daqp import DaqpSolver
+from tensctl.synthesis.qp_solvers import SOLVERS
 
 PUSH = {"node": "P4_1_1", "force": [25.0, 0.0, 0.0], "from": 0.04, "to": 0.14}
 SCENE = {
@@ -22,7 +23,7 @@ SCENE = {
     "simulation": {"t_end": 0.4, "controller": "mpc", "push": [PUSH]},
     "accuracy": {"methods": ["splitting4"], "tolerances": [1e-4], "budget": 2.0},
 }
-EXACT = ("daqp", "piqp", "clarabel", "cvxpy")
+EXACT = ("daqp", "primal", "piqp", "clarabel", "cvxpy")
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +175,7 @@ class TestScene:
         found = measure_solvers(shell_scene(**SCENE))
         assert (found.horizon, found.variables) == (5, 105)
         assert found.steps > 0
-        assert {a.solver for a in found.attempts} == {"daqp", "osqp", "piqp", "clarabel", "cvxpy"}
+        assert {a.solver for a in found.attempts} == {*SOLVERS, "cvxpy"}
 
     def test_without_mpc_it_is_left_out(self, asked, tmp_path, capsys):
         given = {name: SCENE[name] for name in ("pins", "accuracy")}

@@ -100,7 +100,7 @@ class _Listener:
         asks = np.abs(command - measurement.inputs).max() > _STILL * self.mpc.rate_max * self.dt
         if stated is not None and asks:
             condensed, limits, hard = stated
-            gave_way = self.mpc.records[-1].status.endswith(" relaxed")
+            gave_way = self.mpc.records[-1].relaxed > 0
             qp = relax(hard, condensed.horizon) if gave_way else hard
             self.posed.append(Posed(condensed, limits, qp, gave_way))
         return command
@@ -124,7 +124,4 @@ def overhear(
         )  # fmt: skip
     except _TimeIsUpError:
         t_end = mpc.records[-1].time
-    statuses = [record.status for record in mpc.records]
-    return Heard(
-        tuple(listener.posed), len(statuses), sum(status.endswith(" relaxed") for status in statuses), t_end
-    )  # fmt: skip
+    return Heard(tuple(listener.posed), len(mpc.records), sum(r.relaxed > 0 for r in mpc.records), t_end)

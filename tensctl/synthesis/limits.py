@@ -32,6 +32,8 @@ class Limits:
         The reference's inputs, from which v deviates.
     wanted : (N, ny), optional
         What is wanted of the weighted outputs over their sizes, deviations from the reference; None without a signal.
+    plan : (N, nu) m, optional
+        What the last plan would do next: where a search may begin.
     """
 
     start: Float[np.ndarray, " n"]
@@ -42,6 +44,7 @@ class Limits:
     change_upper: Float[np.ndarray, "N nu"]
     about: Float[np.ndarray, "N nu"]
     wanted: Float[np.ndarray, "N ny"] | None = None
+    plan: Float[np.ndarray, "N nu"] | None = None
 
     def assemble(self, problem: Condensed) -> QP:
         """The condensed QP of this step."""
@@ -60,6 +63,7 @@ class Limits:
             lower=np.concatenate([self.input_lower.ravel(), floor, (self.change_lower + first).ravel()]),
             upper=np.concatenate([upper, np.full(floor.size, np.inf), (self.change_upper + first).ravel()]),
             start=self.start,
+            guess=(self.start[-nu:] + np.zeros_like(first) if self.plan is None else self.plan).ravel(),
         )
 
     def shortfall(self, problem: Condensed, plan: Float[np.ndarray, "N nu"]) -> float:

@@ -28,7 +28,7 @@ from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.qp import QP
-from tensctl.synthesis.qp_solvers import first_choice
+from tensctl.synthesis.qp_solvers import SOLVERS, first_choice
 from tensctl.synthesis.reference import Hold, Reference, outputs_along, refuse_beyond
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
@@ -65,7 +65,7 @@ class MPC:
     u_max : number or table by tendon label, m, optional
         Largest change of a rest length from L0, either way (hard).
     weights : Weights
-    solver : "auto", "daqp", "osqp", "piqp" or "clarabel"
+    solver : "auto", "daqp", "primal", "osqp", "piqp" or "clarabel"
         Which solver is asked first; `why` says what "auto" chose, and why.
     delay : float, s
         From a sample until the command computed at it begins to act, at most a period.
@@ -99,7 +99,7 @@ class MPC:
         rate_max: float = 0.5,
         u_max: Size | None = None,
         weights: Weights | None = None,
-        solver: Literal["auto", "daqp", "osqp", "piqp", "clarabel"] = "auto",
+        solver: Literal["auto", "daqp", "primal", "osqp", "piqp", "clarabel"] = "auto",
         delay: float = 0.0,
         modes: Fast = "refuse",
         path: Reference | None = None,
@@ -176,8 +176,7 @@ class MPC:
         piece = self._piece(self.reference.knot_at(t))
         limits = self.limits(t, look)
         plan, status, kkt = self._solve(piece, limits)
-        kept = not (status.endswith(" relaxed") or status == "fallback")
-        status, relaxed = told(status, 0.0 if kept else limits.shortfall(piece.problem, plan))
+        status, relaxed = told(status, 0.0 if status in SOLVERS else limits.shortfall(piece.problem, plan))
         plan = plan + limits.about
         record = StepRecord(t, status, perf_counter() - began, kkt, relaxed, part.gap, part.tendon)
         command = self._command_of(plan, now, record)
@@ -255,6 +254,7 @@ class MPC:
             change_upper=reach - (ahead - before),
             about=ahead,
             wanted=self._wanted(piece, t, times[1:]),
+            plan=None if self._plan is None else self._continued(self._plan) - ahead,
         )
 
     def _wanted(self, piece: Piece, t: float, times: np.ndarray) -> Float[np.ndarray, "N ny"] | None:

@@ -17,8 +17,8 @@ from tensctl.linear.propagate import Stretch, stretch
 from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.qp import QP, Solution, Solver
-from tensctl.synthesis.qp_solvers import new_solver, order_of
-from tensctl.synthesis.relaxed import relax
+from tensctl.synthesis.qp_solvers import new_solver, order_of, quick_ones
+from tensctl.synthesis.relaxed import Relaxed
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,8 @@ class Piece:
     first: str
 
     def __post_init__(self) -> None:
-        self.solver(self.first, soft=False)  # what takes long is done before the first step
+        for name, soft in quick_ones(self.first, self.problem.H.shape[0]):
+            self.solver(name, soft=soft)  # what takes long is done before the first step
 
     @cached_property
     def until_it_acts(self) -> Stretch:
@@ -53,20 +54,26 @@ class Piece:
         return stretch(self.linear, self.problem.sampled.dt - self.delay)
 
     def answer(self, limits: Limits) -> tuple[Float[np.ndarray, "N nu"], str, float] | None:
-        """Plan, status and KKT residual; nothing when no answer can be accepted."""
+        """Plan, status and KKT residual; nothing when no answer can be used."""
         hard = limits.assemble(self.problem)
         asked, infeasible = {False: hard}, False
         for name, soft in order_of(self.first, hard.f.size):
             if infeasible and not soft:
                 continue
             if soft not in asked:
-                asked[soft] = relax(hard, self.problem.horizon)
+                asked[soft] = self.relaxed.problem(hard)
             solution = self.ask(name, asked[soft], soft=soft)
-            if (z := solution.accepted) is not None:
+            if (z := solution.usable) is not None:
                 plan = z[: hard.f.size].reshape(self.problem.horizon, -1)
-                return plan, name + " relaxed" * soft, solution.kkt
+                said = " bounded" if solution.status == "bounded" else " relaxed" * soft
+                return plan, name + said, solution.kkt
             infeasible = infeasible or solution.status == "infeasible"
         return None
+
+    @cached_property
+    def relaxed(self) -> Relaxed:
+        """Matrices of the problem whose limits of tension give way."""
+        return Relaxed.of(self.problem.H, self.problem.rows, self.problem.horizon)
 
     def ask(self, name: str, qp: QP, *, soft: bool) -> Solution:
         """One solver's answer."""

@@ -31,6 +31,8 @@ class QP:
     lower, upper : (n + r,)
     start : (nx + nu,) or None
         Where a plan begins, for solvers that keep states as variables.
+    guess : (inputs,) or None
+        A plan of inputs near the answer, for solvers that begin at one; slacks are theirs to find.
     """
 
     H: Float[np.ndarray, "n n"]
@@ -39,6 +41,7 @@ class QP:
     lower: Float[np.ndarray, " n_plus_r"]
     upper: Float[np.ndarray, " n_plus_r"]
     start: Float[np.ndarray, " s"] | None = None
+    guess: Float[np.ndarray, " m"] | None = None
 
     def objective(self, z: Float[np.ndarray, " n"]) -> float:
         """Value at z."""
@@ -88,7 +91,8 @@ class Solution:
     ----------
     z : (n,) or None when there is no answer
     y : (n + r,) multipliers
-    status : "solved", "infeasible" or "failed"
+    status : "solved", "bounded", "infeasible" or "failed"
+        Bounded: keeps the hard limits, but the work was over before the optimum.
     kkt : float
         Recomputed KKT residual.
     """
@@ -102,6 +106,11 @@ class Solution:
     def accepted(self) -> Float[np.ndarray, " n"] | None:
         """The answer, when it is good enough."""
         return self.z if self.kkt <= ACCEPT else None
+
+    @property
+    def usable(self) -> Float[np.ndarray, " n"] | None:
+        """The answer, when it is good enough or the best that bounded work came to."""
+        return self.z if self.status == "bounded" else self.accepted
 
 
 class Solver(Protocol):

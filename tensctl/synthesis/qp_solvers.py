@@ -10,7 +10,7 @@ from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.qp import QP, Solver
 from tensctl.synthesis.relaxed import curvature, relax
 
-SOLVERS = ("daqp", "osqp", "piqp", "clarabel")
+SOLVERS = ("daqp", "primal", "osqp", "piqp", "clarabel")
 # Up to so many variables an active set is the faster one even with all limits acting.
 _FEW = 100
 
@@ -33,12 +33,18 @@ def first_choice(stages: int, inputs: int, states: int) -> tuple[str, str]:
 def order_of(first: str, variables: int) -> tuple[tuple[str, bool], ...]:
     """Who is asked in turn, and whether with floors that may give way.
 
-    An active set that gives up early hands over to the interior point, whose floors give way only where they have to.
+    A dual active set that gives up early hands over to the primal one, whose floors give way only where they have to.
     """
     hard = dict.fromkeys((first, "daqp"))
-    patient = ("piqp", "daqp", "osqp") if variables > _FEW else ("daqp", "piqp", "osqp")
+    patient = ("primal", "piqp", "daqp", "osqp") if variables > _FEW else ("daqp", "primal", "piqp", "osqp")
     soft = dict.fromkeys(patient if first == "daqp" else (first, *patient))
     return (*((name, False) for name in hard), *((name, True) for name in soft))
+
+
+def quick_ones(first: str, variables: int) -> tuple[tuple[str, bool], ...]:
+    """Those that nearly all steps end with; no control step should wait for their set-up."""
+    primal = ("primal", True)
+    return ((first, False), *(primal,) * (first == "daqp" and order_of(first, variables)[1] == primal))
 
 
 def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None = None) -> Solver:
@@ -63,10 +69,14 @@ def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None =
         from tensctl.synthesis.qp_clarabel import ClarabelSolver
 
         return ClarabelSolver(stages, **asked)
-    if name == "daqp":
-        from tensctl.synthesis.qp_daqp import QUICK, DaqpSolver
+    if name == "primal":
+        from tensctl.synthesis.qp_primal import PrimalSolver
 
-        return DaqpSolver(rest, **asked) if soft or asked else DaqpSolver(rest, QUICK)
+        return PrimalSolver(problem, soft=soft, **(asked | {"work": 1e10} if asked else {}))
+    if name == "daqp":
+        from tensctl.synthesis.qp_daqp import DaqpSolver, quick
+
+        return DaqpSolver(rest, **asked) if soft or asked else DaqpSolver(rest, quick(rest))
     from tensctl.synthesis.qp_osqp import OsqpSolver
 
     return OsqpSolver(rest, **asked)

@@ -8,7 +8,10 @@ limit is a floor turned about (`synthesis.condensed`), so its slack raises it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from jaxtyping import Float
 
 from tensctl.synthesis.qp import QP
 
@@ -24,28 +27,54 @@ def curvature(H: np.ndarray) -> float:
     return _CURVATURE * float(np.abs(np.diag(H)).max())
 
 
-def relax(qp: QP, horizon: int) -> QP:
-    """The problem with one slack a stage on its tension rows.
+@dataclass(frozen=True, eq=False)
+class Relaxed:
+    """Matrices of problems with one slack a stage on their tension rows.
 
-    Parameters
+    Attributes
     ----------
-    qp : QP
+    H : (n + N, n + N)
+    A : (r, n + N)
         Rows: tension floors of all stages, then as many rate rows as there are variables.
     horizon : int
-        Number of stages.
+        N, the number of stages.
     """
-    n, tensions = qp.f.size, qp.A.shape[0] - qp.f.size
-    stage = np.kron(np.eye(horizon), np.ones((tensions // horizon, 1)))
-    largest = curvature(qp.H) / _CURVATURE
-    H = np.zeros((n + horizon, n + horizon))
-    H[:n, :n], H[n:, n:] = qp.H, curvature(qp.H) * np.eye(horizon)
-    A = np.block([[qp.A[:tensions], stage], [qp.A[tensions:], np.zeros((n, horizon))]])
-    price = _PRICE * max(np.abs(qp.f).max(), 1e-3 * largest * np.abs(qp.lower[n + tensions :]).max())
-    return QP(
-        H=H,
-        f=np.concatenate([qp.f, np.full(horizon, price)]),
-        A=A,
-        lower=np.concatenate([qp.lower[:n], np.zeros(horizon), qp.lower[n:]]),
-        upper=np.concatenate([qp.upper[:n], np.full(horizon, np.inf), qp.upper[n:]]),
-        start=qp.start,
-    )
+
+    H: Float[np.ndarray, "z z"]
+    A: Float[np.ndarray, "r z"]
+    horizon: int
+
+    @classmethod
+    def of(cls, H: Float[np.ndarray, "n n"], A: Float[np.ndarray, "r n"], horizon: int) -> Relaxed:
+        """Those of a problem without slacks."""
+        n, tensions = H.shape[0], A.shape[0] - H.shape[0]
+        wide = np.zeros((n + horizon, n + horizon))
+        wide[:n, :n], wide[n:, n:] = H, curvature(H) * np.eye(horizon)
+        stage = np.kron(np.eye(horizon), np.ones((tensions // horizon, 1)))
+        return cls(wide, np.block([[A[:tensions], stage], [A[tensions:], np.zeros((n, horizon))]]), horizon)
+
+    @property
+    def curvature(self) -> float:
+        """Of each slack."""
+        return float(self.H[-1, -1])
+
+    def problem(self, qp: QP) -> QP:
+        """The problem with slacks; it begins where the one without them does."""
+        n, slacks = qp.f.size, self.horizon
+        tensions = self.A.shape[0] - n
+        largest = self.curvature / _CURVATURE
+        price = _PRICE * max(np.abs(qp.f).max(), 1e-3 * largest * np.abs(qp.lower[n + tensions :]).max())
+        return QP(
+            H=self.H,
+            f=np.concatenate([qp.f, np.full(slacks, price)]),
+            A=self.A,
+            lower=np.concatenate([qp.lower[:n], np.zeros(slacks), qp.lower[n:]]),
+            upper=np.concatenate([qp.upper[:n], np.full(slacks, np.inf), qp.upper[n:]]),
+            start=qp.start,
+            guess=qp.guess,
+        )
+
+
+def relax(qp: QP, horizon: int) -> QP:
+    """The problem with one slack a stage on its tension rows."""
+    return Relaxed.of(qp.H, qp.A, horizon).problem(qp)

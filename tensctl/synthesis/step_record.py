@@ -18,8 +18,8 @@ class StepRecord:
     ----------
     time : float, s
     status : str
-        Solver that answered, with " relaxed" when limits of tension gave way; "fallback" when none did; or
-        "no measurement".
+        Solver that answered, with " relaxed" when limits of tension gave way, or " bounded" when its work was over
+        before the optimum; "fallback" when none answered; or "no measurement".
     solve_time : float, s
     kkt : float
         Recomputed KKT residual (nan without an answer).

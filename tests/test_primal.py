@@ -1,0 +1,215 @@
+"""The primal active set: optima known from elsewhere, a way that only goes down, and an inverse that stays one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support import random_motion
+
+import tensctl as tc
+from tensctl.simulation import Measurement
+from tensctl.synthesis import bordered, primal
+from tensctl.synthesis.piece import Piece
+from tensctl.synthesis.qp_daqp import DaqpSolver
+from tensctl.synthesis.qp_primal import PrimalSolver
+from tensctl.synthesis.relaxed import relax
+
+STAGES, INPUTS, TENSIONS = 5, 4, 3
+N = STAGES * INPUTS
+HORIZON = 10
+
+
+@pytest.fixture(scope="module")
+def controller(mast):
+    return tc.MPC(mast[2], horizon=HORIZON)
+
+
+@pytest.fixture
+def steering(controller):
+    controller.reset()
+    return controller
+
+
+def posed(rng, crowded=False):
+    """A random problem in rates: form and step; crowded, with rows that say the same twice and rates that are given."""
+    root = rng.standard_normal((N, N))
+    rows = rng.standard_normal((STAGES * TENSIONS, N))
+    lower, upper = -rng.uniform(0.2, 1.0, N), rng.uniform(0.2, 1.0, N)
+    if crowded:
+        rows[1::TENSIONS] = rows[::TENSIONS]
+        lower[:3] = upper[:3]
+    form = bordered.Form(root @ root.T + np.eye(N), rows, np.ascontiguousarray(rows.T), 5.0, STAGES)
+    floor = rng.uniform(-1.0, 1.0, STAGES * TENSIONS)
+    if crowded:
+        floor[1::TENSIONS] = floor[::TENSIONS]
+    return form, primal.Step(20 * rng.standard_normal(N), 2e3, lower, upper, floor, np.full(N, -1.2), np.full(N, 1.3))
+
+
+def searched(form, step, guess=None, work=1e9):
+    return primal.search(form, step, np.zeros(N) if guess is None else guess.copy(), 4 * N, 1e-12, work)
+
+
+def stated(form, step):
+    """Hessian, slopes, rows and bounds of rates and slacks, in full."""
+    ones = np.kron(np.eye(STAGES), np.ones((TENSIONS, 1)))
+    summed = np.kron(np.tril(np.ones((STAGES, STAGES))), np.eye(INPUTS))
+    H = np.zeros((N + STAGES, N + STAGES))
+    H[:N, :N], H[N:, N:] = form.G, form.curvature * np.eye(STAGES)
+    f = np.append(step.g, np.full(STAGES, step.price))
+    A = np.block([[form.rows, ones], [summed, np.zeros((N, STAGES))]])
+    lower = np.concatenate([step.lower, np.zeros(STAGES), step.floor, step.low])
+    upper = np.concatenate([step.upper, np.full(STAGES, 1e30), np.full(step.floor.size, 1e30), step.high])
+    return H, f, A, lower, upper
+
+
+class TestSearch:
+    @pytest.mark.parametrize("crowded", [False, True], ids=["general", "rows twice"])
+    @pytest.mark.parametrize("seed", range(20))
+    def test_optimum_of_the_dual_active_set(self, seed, crowded):
+        import daqp
+
+        form, step = posed(np.random.default_rng(seed), crowded)
+        ended, x, push, multipliers = searched(form, step)
+        assert ended == primal.SOLVED
+        H, f, A, lower, upper = stated(form, step)
+        other, _, flag, _ = daqp.solve(H, f, A, upper, lower, np.zeros(lower.size, np.int32), primal_tol=1e-12)
+        assert flag > 0
+        assert np.abs(x - other).max() < 1e-9
+        # Optimality by its definition, from the problem's own data.
+        pull = H @ x + f + A.T @ multipliers
+        assert np.abs(pull - push).max() < 1e-9 * np.abs(f).max()
+        at_lower, at_upper = x <= lower[: x.size], x >= upper[: x.size]
+        assert np.abs(push[~at_lower & ~at_upper]).max(initial=0.0) == 0.0
+        assert (push[at_lower & ~at_upper] >= 0.0).all()
+        assert (push[at_upper & ~at_lower] <= 0.0).all()
+        values = A @ x
+        assert (values >= lower[x.size :] - 1e-12).all()
+        assert (values <= upper[x.size :] + 1e-12).all()
+        gaps = np.where(multipliers < 0, values - lower[x.size :], upper[x.size :] - values)
+        assert np.abs(gaps[multipliers != 0]).max(initial=0.0) < 1e-10
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_goes_down_and_keeps_all_limits(self, seed):
+        """Wherever its work ends, from the guess brought within its limits on."""
+        form, step = posed(np.random.default_rng(seed))
+        guess = np.random.default_rng(seed).standard_normal(N)
+        H, f, A, lower, upper = stated(form, step)
+        costs = []
+        for work in np.append(0.0, np.geomspace(1e3, 1e6, 25)):
+            _, x, _, _ = searched(form, step, guess, work)
+            costs.append(0.5 * x @ H @ x + f @ x)
+            values = np.append(x, A @ x)
+            assert (values >= lower - 1e-12).all()
+            assert (values <= upper + 1e-12).all()
+        assert (np.diff(costs) <= 1e-12 * np.abs(costs[0])).all()
+        assert len(set(costs)) > 5
+
+    def test_the_guess_changes_nothing(self, rng):
+        form, step = posed(rng)
+        first = searched(form, step)[1]
+        for _ in range(5):
+            assert np.abs(searched(form, step, rng.standard_normal(N))[1] - first).max() < 1e-12
+
+    def test_limits_that_contradict_each_other(self, rng):
+        form, step = posed(rng)
+        low = step.low.copy()
+        low[0] = step.upper[0] + 0.1
+        assert searched(form, step._replace(low=low))[0] == primal.STUCK
+
+
+class TestInverse:
+    @pytest.mark.parametrize("seed", range(5))
+    def test_of_what_entered_and_did_not_leave(self, seed):
+        """Whatever the order, the inverse is that of the matrix in numbers; rows come after two rates each."""
+        rng = np.random.default_rng(seed)
+        form, _ = posed(rng)
+        room, size, m = 60, N + STAGES, 0
+        basis = bordered.Basis(np.empty(room, np.int64), np.empty((room, room)), np.empty(room), np.empty(room))
+        H, _, A, _, _ = stated(form, posed(rng)[1])
+        K = np.block([[H, A.T], [A, np.zeros((len(A), len(A)))]])
+        for turn in range(60):
+            inside = basis.entries[:m]
+            rows = (inside >= size).sum()
+            free = np.setdiff1d(np.arange(size), inside)
+            if turn % 5 == 4:
+                bordered.leave(basis, m, int(rng.choice(np.flatnonzero(inside >= size)) if rows else 0))
+                m -= 1
+            elif turn % 3 == 2 or not free.size:
+                others = np.setdiff1d(np.arange(size, len(K)), inside)
+                m += bordered.enter(form, basis, m, int(rng.choice(others)))
+            else:
+                m += bordered.enter(form, basis, m, int(rng.choice(free)))
+            inside = basis.entries[:m]
+            assert np.abs(basis.inverse[:m, :m] @ K[np.ix_(inside, inside)] - np.eye(m)).max() < 1e-7
+        assert m > 20
+
+    def test_a_row_that_follows_from_others_does_not_enter(self, rng):
+        form, _ = posed(rng, crowded=True)
+        basis = bordered.Basis(np.empty(50, np.int64), np.empty((50, 50)), np.empty(50), np.empty(50))
+        m = 0
+        for e in range(N):
+            m += bordered.enter(form, basis, m, e)
+        size = N + STAGES
+        assert bordered.enter(form, basis, m, size)
+        assert not bordered.enter(form, basis, m + 1, size + 1)
+
+    def test_room_is_kept(self, rng):
+        form, _ = posed(rng)
+        basis = bordered.Basis(np.empty(1, np.int64), np.empty((1, 1)), np.empty(1), np.empty(1))
+        assert bordered.enter(form, basis, 0, 3)
+        assert not bordered.enter(form, basis, 1, 4)
+
+
+class TestController:
+    @pytest.fixture
+    def hopeless(self, mast):
+        """So fast that no rates keep all floors."""
+        rest = mast[1]
+        nodes, velocities = random_motion(rest.potential, np.random.default_rng(1), reach=0.03, speed=1.5)
+        return Measurement(nodes, velocities, rest.lengths, rest.tensions, rest.inputs)
+
+    def test_floors_that_give_way(self, steering, hopeless):
+        """Most rates are at their limits; the answer is the dual active set's."""
+        problem, _, hard = steering.statement(0.0, hopeless)
+        soft = relax(hard, HORIZON)
+        found = PrimalSolver(problem, soft=True, work=1e10).solve(soft)
+        other = DaqpSolver(soft).solve(soft)
+        assert found.status == "solved"
+        assert found.kkt < 1e-11
+        assert np.abs(found.z - other.z).max() < 1e-8
+        assert (found.y[-hard.f.size :] != 0).mean() > 0.5
+
+    def test_without_slacks_it_says_that_there_is_none(self, steering, hopeless):
+        problem, _, hard = steering.statement(0.0, hopeless)
+        assert PrimalSolver(problem, soft=False, work=1e10).solve(hard).status == "infeasible"
+
+    def test_bounded_work_is_told(self, mast, steering, hopeless, monkeypatch):
+        """The command keeps its limits, the plan costs no more than the one before, and the record says bounded."""
+        problem, limits, hard = steering.statement(0.0, hopeless)
+        ask = Piece.ask
+        short = PrimalSolver(problem, soft=True, work=1e5)
+        monkeypatch.setattr(
+            Piece,
+            "ask",
+            lambda own, name, qp, *, soft: short.solve(qp) if name == "primal" else ask(own, name, qp, soft=soft),
+        )
+        steering.step(0.0, hopeless)
+        record = steering.records[-1]
+        assert record.status == "primal bounded"
+        assert record.kkt > 1e-6
+        assert record.relaxed == pytest.approx(limits.shortfall(problem, steering.state()["plan"] - limits.about))
+        soft = relax(hard, HORIZON)
+        stay = replace(soft, guess=hard.guess)
+        first = PrimalSolver(problem, soft=True, work=0.0).solve(stay)
+        assert soft.objective(short.solve(soft).z) < soft.objective(first.z)
+
+    def test_a_plan_to_go_on_from_saves_work(self, mast, steering, hopeless):
+        """From the optimum itself next to nothing is left to do."""
+        problem, _, hard = steering.statement(0.0, hopeless)
+        soft = relax(hard, HORIZON)
+        optimum = PrimalSolver(problem, soft=True, work=1e10).solve(soft)
+        again = replace(soft, guess=optimum.z[: hard.f.size])
+        found = PrimalSolver(problem, soft=True, work=2e6).solve(again)
+        assert found.status == "solved"
+        assert PrimalSolver(problem, soft=True, work=2e6).solve(soft).status == "bounded"
+        assert np.abs(found.z - optimum.z).max() < 1e-10
