@@ -16,7 +16,6 @@ from support import (
 import tensctl as tc
 from tensctl.simulation.drive import Drive
 from tensctl.simulation.integrators.splitting import Splitting
-from tensctl.simulation.integrators.tables import TABLES
 
 DAMPED = {"damping": 2.0}
 
@@ -180,22 +179,6 @@ class TestOrder:
     @pytest.mark.parametrize("sections", TAUT.values(), ids=TAUT)
     def test_splittings_have_their_order(self, sections, order):
         assert_order(order, *taut_motion(**sections))
-
-    @pytest.mark.parametrize("order", ORDERS)
-    def test_tables_are_consistent(self, order):
-        """Symmetric, and kicks as well as flights add up to a whole step."""
-        for part in TABLES[order]:
-            assert part.sum() == pytest.approx(1, abs=1e-15)
-            assert (part[::-1] == part).all()
-
-    @pytest.mark.parametrize("order", [4, 6])
-    def test_tables_meet_the_order_conditions(self, order):
-        """As a Nystrom method with nodes c and A_ij = b_j (c_i - c_j), j < i: the conditions up to order 4."""
-        b, c = TABLES[order].kicks, np.concatenate([[0], np.cumsum(TABLES[order].drifts)])
-        A = np.tril(b * (c[:, None] - c), -1)
-        inner = A.sum(axis=1)
-        found = b @ c, b @ c**2, b @ inner, b @ c**3, b @ (c * inner), b @ A @ c
-        assert np.abs(np.array(found) - [1 / 2, 1 / 3, 1 / 6, 1 / 4, 1 / 8, 1 / 24]).max() < 1e-14
 
     @pytest.mark.parametrize("order", ORDERS)
     def test_inputs_that_change_keep_the_order(self, order):

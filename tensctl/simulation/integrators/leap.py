@@ -45,6 +45,8 @@ class Scratch(NamedTuple):
     Attributes
     ----------
     on, spring : (nt,) 1 while taut, and the stiffness that goes with it
+    closest : (nt,) m
+        How near each tendon came to its boundary at the stages of the last step; below zero on the wrong side.
     rest, rest_rate : (nt,)
     load, place, speed, force : (size,) nodal vectors in rows
     nodal, nodal_rate : (3N,)
@@ -55,6 +57,7 @@ class Scratch(NamedTuple):
 
     on: np.ndarray
     spring: np.ndarray
+    closest: np.ndarray
     rest: np.ndarray
     rest_rate: np.ndarray
     load: np.ndarray
@@ -83,9 +86,12 @@ class Scene(NamedTuple):
     table: Table
 
 
-def scene(rows: Rows, anchor: np.ndarray, drive: Drive, table: Table, *, frozen: bool) -> Kept:
-    """A scene with room to work in."""
-    return Kept(Scene(rows, drive, scratch(rows, anchor, drive, frozen=frozen), table))
+def scenes(
+    rows: Rows, anchor: np.ndarray, drive: Drive, tables: tuple[Table, Table], *, frozen: bool
+) -> tuple[Kept, Kept]:
+    """A scene with each of two tables, and the room that both work in."""
+    work = scratch(rows, anchor, drive, frozen=frozen)
+    return Kept(Scene(rows, drive, work, tables[0])), Kept(Scene(rows, drive, work, tables[1]))
 
 
 def moment(rows: Rows) -> Moment:
@@ -99,12 +105,12 @@ def moment(rows: Rows) -> Moment:
 
 def scratch(rows: Rows, anchor: np.ndarray, drive: Drive, *, frozen: bool) -> Scratch:
     """Room to work in, with rest lengths and loads that do not change already in place."""
-    on, spring, rest_rate = (np.zeros_like(drive.rest) for _ in range(3))
+    on, spring, closest, rest_rate = (np.zeros_like(drive.rest) for _ in range(4))
     nodal, nodal_rate = (np.zeros(drive.force.size) for _ in range(2))
     speed, force = (np.zeros(rows.size) for _ in range(2))
     return Scratch(
-        on, spring, drive.rest.copy(), rest_rate, rows.nodal(drive.force), nodal, nodal_rate, rows.nodal(anchor),
-        speed, force, -np.inf if frozen else 0.0,
+        on, spring, closest, drive.rest.copy(), rest_rate, rows.nodal(drive.force), nodal, nodal_rate,
+        rows.nodal(anchor), speed, force, -np.inf if frozen else 0.0,
     )  # fmt: skip
 
 
@@ -161,11 +167,22 @@ def rates_at(scene, t, now):
         gap_rates(rows, work.place, work.speed, work.rest_rate, now.rate)
 
 
+@part
+def watch(work, gap):
+    """Keep how near tendons came to their boundaries."""
+    for t in range(gap.size):
+        here = (2.0 * work.on[t] - 1.0) * gap[t]
+        work.closest[t] = work.closest[t] if work.closest[t] < here else here
+
+
 @bare
 def leap(scene, t, h, now):
     """Take one step of length h from time t; `now.push` is that of the start, and of the end afterwards."""
     rows, drive, work, table = opened(scene)
-    kicks, drifts = table
+    kicks, drifts, _ = table
+    for j in range(work.closest.size):
+        work.closest[j] = np.inf
+    watch(work, now.gap)
     kick(now.v, now.push, kicks[0] * h)
     at, far = t, swift(rows, now.v, drifts, h)
     for stage in range(drifts.size):
@@ -175,4 +192,5 @@ def leap(scene, t, h, now):
             trim(rows, now.q, now.v)
             at = t + h
         push_at(rows, drive, at, now, work)
+        watch(work, now.gap)
         kick(now.v, now.push, kicks[stage + 1] * h)

@@ -3,6 +3,8 @@
     t_(k+1) = t_k + h,   h = (goal - t)/n <= step/shrink
 
 `shrink` halves steps while rods are fast. A probe compares one step with two halves and shortens what is too long.
+While every tendon stays clear of its boundary the table for long steps is taken where it needs fewer forces; a long
+step in which one comes near is taken back, and short ones follow, in which switches are found and landed on.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensctl.jit import bare
+from tensctl.jit import bare, part
 from tensctl.model.kernel import springs
 from tensctl.simulation.integrators.kept import opened
 from tensctl.simulation.integrators.leap import Moment, copy_moment, leap, rates_at, refresh
@@ -25,9 +27,11 @@ DONE, STUCK, TOO_LONG, LOST = 0, 1, 2, 3
 _PROBE = 64
 # Landings in a row shorter than 1e-12 of the step: more than this and the motion cannot be followed.
 _LANDINGS = 1000
-# Nodes pass each other at twice the speed of the fastest at most, so a gap that is left and taken again within a step
-# is nowhere wider than the speed times its length; four times that covers speeds that rise and fall within the step.
+# A tendon is near its boundary within so many times what a gap can fall unseen between two stages. Stages are off the
+# motion themselves, so that minima of oscillations are missed by up to 1.5 times what would be missed between them.
 _FAR = 4.0
+# Short steps after the last one in which a tendon came near its boundary.
+_WARY = 16
 
 
 class Journey(NamedTuple):
@@ -49,10 +53,8 @@ class Journey(NamedTuple):
 
 @bare
 def probe(scene, t, h, start, now, other):
-    """Distance in m of one step, left in `now`, and two half steps, left in `other`, from what is kept in `start`."""
-    copy_moment(now, start)
-    copy_moment(now, other)
-    leap(scene, t, h, now)
+    """Distance in m of a step, taken from `start` to `now`, and two half steps, left in `other`."""
+    copy_moment(start, other)
     leap(scene, t, 0.5 * h, other)
     leap(scene, t + 0.5 * h, 0.5 * h, other)
     error = 0.0
@@ -78,13 +80,22 @@ def pace(rows, v):
 
 
 @bare
-def far(on, before, after, reach):
-    """Whether every tendon is on its side, and farther than reach from its boundary, at both ends of a step."""
-    for t in range(on.size):
-        side = 2.0 * on[t] - 1.0
-        if not min(side * before[t], side * after[t]) > reach:
-            return False
-    return True
+def within(closest, reach):
+    """How many tendons came as near as reach to their boundary, or past it, at the stages of a step."""
+    count = 0
+    for t in range(closest.size):
+        count += not closest[t] > reach
+    return count
+
+
+@bare
+def unseen(speed, rate, time):
+    """Most that a gap can fall, m, below its values at two ends of a time, and come back.
+
+    Nodes pass each other at twice the speed of the fastest at most, half of the time each way; what swings no faster
+    than a rate turns around more softly.
+    """
+    return speed * time * min(1.0, 0.25 * rate * time)
 
 
 @bare
@@ -96,8 +107,21 @@ def halvings(pace, rate):
     return shrink
 
 
+@part
+def steps_to(span, longest):
+    """How many equal steps, none longer than `longest`, a span takes."""
+    return max(1.0, np.ceil(span / longest * (1 - 1e-12)))
+
+
+@part
+def write(rows, moment, q, v):
+    """Write a moment as rod coordinates (nr, 6) and their rates."""
+    take(rows, moment.q, q)
+    take(rows, moment.v, v)
+
+
 @bare
-def march(scene, journey, q, v, times, step, order, locate, stop, out_q, out_v):
+def march(brief, wide, journey, q, v, times, step, stride, order, locate, stop, out_q, out_v):
     """Move q and v in place from times[0] to times[-1] and write the state at every later time.
 
     Without `stop`, a time within a step is reached by a step of its own from the same start, so recording does not
@@ -105,12 +129,13 @@ def march(scene, journey, q, v, times, step, order, locate, stop, out_q, out_v):
 
     Parameters
     ----------
-    scene : Kept of Scene
+    brief, wide : Kept of Scene
+        The scene with the table for short steps, and with that for long ones.
     journey : Kept of Journey
     q, v : (nr, 6)
     times : (m,) s
-    step : float, s
-        Longest step; the last before an edge is shortened with all that follow it.
+    step, stride : float, s
+        Longest step with each table; the last before an edge is shortened with all that follow it.
     order : int
     locate : bool
         Whether to land on switches.
@@ -123,45 +148,59 @@ def march(scene, journey, q, v, times, step, order, locate, stop, out_q, out_v):
     status, time reached, step, evaluations, switches
     """
     start, now, other, limits = opened(journey)
-    rows, drive, work, table = opened(scene)
+    rows, drive, work, table = opened(brief)
     t, t_end, k = times[0], times[-1], 1
-    stages = table.drifts.size
+    stages, more = table.drifts.size, opened(wide).table.drifts.size
     fill(rows, q, now.q)
     fill(rows, v, now.v)
-    refresh(scene, t, now)
+    refresh(brief, t, now)
     for j in range(work.on.size):
         work.on[j] = 1.0 if now.gap[j] > 0.0 or not locate else 0.0
     springs(rows, work.rest, work.on, work.spring)
-    refresh(scene, t, now)
+    refresh(brief, t, now)
     evaluations, switches, since, stuck, rates_known = 2, 0, _PROBE, 0, False
+    wary = 1 if drive.ramped else 0
     turning, speed = pace(rows, now.v)
     while t < t_end:
         goal = times[k] if stop else t_end
         shrink = halvings(turning, limits[2])
-        count = max(1.0, np.ceil((goal - t) / step * shrink * (1 - 1e-12)))
-        h = (goal - t) / count
+        count, fewer = steps_to(goal - t, step / shrink), steps_to(goal - t, stride / shrink)
+        long = wary == 0 and fewer * more < count * stages
+        scene, count = (wide, fewer) if long else (brief, count)
+        cost, h = more if long else stages, (goal - t) / count
+        copy_moment(now, start)
+        leap(scene, t, h, now)
+        evaluations += cost
+        before, apart = speed, h * opened(scene).table.widest
+        turning, speed = pace(rows, now.v)
+        near = within(work.closest, _FAR * unseen(max(before, speed), max(limits[2], turning), apart)) > 0
+        if long and near:
+            copy_moment(start, now)
+            turning, speed = pace(rows, now.v)
+            wary, since = _WARY, _PROBE
+            continue
         if since >= _PROBE and limits[0] < np.inf:
             error = probe(scene, t, h, start, now, other)
-            evaluations += 3 * stages
+            evaluations += 2 * cost
             bound = max(limits[0] * h, limits[1])
             if error > bound:
+                shorter = shrink * h * max(0.2, 0.9 * (bound / error) ** (1.0 / order))
+                if not t + shorter > t:
+                    return TOO_LONG, t, shorter, evaluations, switches
+                step, stride = (step, shorter) if long else (shorter, stride)
                 copy_moment(start, now)
-                step = shrink * h * max(0.2, 0.9 * (bound / error) ** (1.0 / order))
-                if not t + step > t:
-                    return TOO_LONG, t, step, evaluations, switches
+                turning, speed = pace(rows, now.v)
                 continue
             since = 0
             if stop and t == times[0]:  # already there; at every probe, half steps would make energy wander
                 copy_moment(other, now)
-        else:
-            copy_moment(now, start)
-            leap(scene, t, h, now)
-            evaluations += stages
-        taken, tendon, before = h, -1, speed
-        turning, speed = pace(rows, now.v)
+                turning, speed = pace(rows, now.v)
+        taken, tendon = h, -1
+        if not drive.ramped:
+            wary = _WARY if near else max(0, wary - 1)
         if locate:
             rated = rates_known
-            rates_known = drive.ramped or not far(work.on, start.gap, now.gap, _FAR * h * max(before, speed))
+            rates_known = drive.ramped or near
             if rates_known:
                 if not rated:
                     rates_at(scene, t, start)
@@ -169,7 +208,7 @@ def march(scene, journey, q, v, times, step, order, locate, stop, out_q, out_v):
                 left, _, _ = first_to_leave(work.on, work.rest, start.gap, start.rate, now.gap, now.rate, h)
                 if left >= 0:
                     taken, tendon, tried = settle(scene, t, h, start, now)
-                    evaluations += stages * tried
+                    evaluations += cost * tried
                     turning, speed = pace(rows, now.v)
             stuck = stuck + 1 if taken < 1e-12 * step else 0
             if stuck > _LANDINGS:
@@ -177,23 +216,19 @@ def march(scene, journey, q, v, times, step, order, locate, stop, out_q, out_v):
         since += 1
         reached = goal if count == 1.0 and taken == h else t + taken
         if np.isnan(now.q[0]):
-            return LOST, t, step, evaluations, switches
+            return LOST, t, h, evaluations, switches
         while k < times.size - 1 and times[k] < reached:
             copy_moment(start, other)
             leap(scene, t, times[k] - t, other)
-            take(rows, other.q, out_q[k])
-            take(rows, other.v, out_v[k])
-            evaluations, k = evaluations + stages, k + 1
+            write(rows, other, out_q[k], out_v[k])
+            evaluations, k = evaluations + cost, k + 1
         if tendon >= 0:
             switches += change_over(scene, reached, tendon, now)
             evaluations += 1
         if stop and k < times.size - 1 and reached == goal:
-            take(rows, now.q, out_q[k])
-            take(rows, now.v, out_v[k])
+            write(rows, now, out_q[k], out_v[k])
             k += 1
         t = reached
-    take(rows, now.q, out_q[k])
-    take(rows, now.v, out_v[k])
-    take(rows, now.q, q)
-    take(rows, now.v, v)
+    write(rows, now, out_q[k], out_v[k])
+    write(rows, now, q, v)
     return DONE, t, step, evaluations, switches
