@@ -46,7 +46,9 @@ class Actuators:
         """From now on ramp to the total change u, to be reached after a period; tendons of a gang keep their ratios."""
         members, gearing = self._members, self._members.gearing
         reach = self.rate_max * period / gearing.largest
-        change = np.clip(np.clip(u, *members.input_bounds) - self.asked_inputs, -reach, reach)
+        lower, upper = members.input_bounds
+        change = np.minimum(np.maximum(u, lower), upper) - self.asked_inputs
+        change = np.minimum(np.maximum(change, -reach), reach)
         self.rate = np.zeros_like(self.rest)
         self.rate[members.inputs] = -gearing.spread(change) / period
 
@@ -56,13 +58,16 @@ class Actuators:
 
     def after(self, seconds: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t tendons"]:
         """Rest lengths some time from now."""
-        share = -np.expm1(-seconds / self._tau) if self._tau > 0 else np.zeros_like(seconds)
-        return self._kept(self.rest, self.rest + seconds[:, None] * self.rate + share[:, None] * self.lag())
+        rest = self.rest + seconds[:, None] * self.rate
+        if self._tau > 0:
+            rest -= np.expm1(-seconds / self._tau)[:, None] * self.lag()
+        return self._kept(self.rest, rest)
 
-    def advance(self, seconds: float) -> None:
-        """Let time pass."""
-        self.rest = self.after(np.array([seconds]))[0]
-        self.asked = self._kept(self.asked, self.asked + seconds * self.rate)
+    def advance(self, seconds: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t tendons"]:
+        """Let time pass to the last of these; rest lengths at each of them."""
+        passed = self.after(seconds)
+        self.rest, self.asked = passed[-1], self._kept(self.asked, self.asked + seconds[-1] * self.rate)
+        return passed
 
     def _kept(self, before: np.ndarray, lengths: np.ndarray) -> np.ndarray:
         """Lengths that keep their floors to the last bit; those that began below go no lower."""

@@ -151,6 +151,8 @@ class Loads:
         self._constant = dynamics.members.forces
         labels = dynamics.structure.node_labels
         self._loads = [(matches(labels, load.node, f"{type(load).__name__.lower()}.node"), load) for load in loads]
+        self._steady = not any(isinstance(load, History) for load in loads)
+        self._last: tuple[list[bool], Acting] | None = None
 
     @property
     def edges(self) -> np.ndarray:
@@ -168,15 +170,22 @@ class Loads:
         return forces
 
     def between(self, t0: float, t1: float) -> Acting:
-        """What acts on an interval without an edge inside."""
-        force, rate, waves = self._constant.copy(), np.zeros_like(self._constant), []
+        """What acts on an interval without an edge inside; the same as before where the same loads act, and are steady."""
         middle = 0.5 * (t0 + t1)
-        for nodes, load in self._loads:
+        acts = [isinstance(load, History) or load.start <= middle < load.stop for _, load in self._loads]
+        if self._last is None or not self._steady or self._last[0] != acts:
+            self._last = acts, self._sum(acts, t0, t1)
+        return self._last[1]
+
+    def _sum(self, acts: list[bool], t0: float, t1: float) -> Acting:
+        """Some of the loads taken together."""
+        force, rate, waves = self._constant.copy(), np.zeros_like(self._constant), []
+        for nodes, load in (load for load, here in zip(self._loads, acts, strict=True) if here):
             if isinstance(load, History):
                 first, last = load.at(t0), load.at(t1)
                 force[nodes] += first
                 rate[nodes] += (last - first) / (t1 - t0)
-            elif load.start <= middle < load.stop:
+            else:
                 amplitude = np.asarray(load.force, float)
                 if isinstance(load, Push):
                     force[nodes] += amplitude

@@ -65,14 +65,13 @@ class Moving:
         """Move from one edge to the next, and record what lies between."""
         rows = self._record.between(t0, t1)
         inside = self._record.times[rows]
-        times = np.concatenate([[t0], inside, [] if inside.size and inside[-1] == t1 else [t1]])
+        times = np.array([t0, *inside, *(() if inside.size and inside[-1] == t1 else (t1,))])
         q, v = (np.empty((times.size, *self._q.shape)) for _ in range(2))
         self._choice.integrator.march(self._q, self._v, times, self._drive(t0, t1), q, v)
         if not np.isfinite(self._q).all():
             raise SimulationError(f"the motion could not be followed beyond {t0:g} s; use a smaller tol.")
-        kept = slice(1, 1 + inside.size)
-        self._record.put(rows, q[kept], v[kept], self.actuators.after(inside - t0), self._status)
-        self.actuators.advance(t1 - t0)
+        kept, rest = slice(1, 1 + inside.size), self.actuators.advance(times[1:] - t0)
+        self._record.put(rows, q[kept], v[kept], rest[: inside.size], self._status)
 
     def turn(self, controller: Controller | None) -> None:
         """Forget what is recorded so far, and go on with the next chunk."""
@@ -133,8 +132,7 @@ class Moving:
 
     def _measurement(self) -> Measurement:
         structure, rest = self._dynamics.structure, self.actuators.rest
-        nodes = placed(structure, self._q[None], structure.nodes)
-        velocities = placed(structure, self._v[None], np.zeros_like(structure.nodes))
+        nodes, velocities = placed(structure, self._q[None], self._v[None])
         length = structure.lengths_at(nodes[0])
         tension = tensions_at(self._dynamics, nodes, velocities, length[None], rest[None])
         return Measurement(nodes[0], velocities[0], length, tension[0], self.actuators.inputs)

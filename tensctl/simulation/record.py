@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from tensctl.model import Dynamics
 from tensctl.model.tensions import tensions_at
+from tensctl.simulation.propagate import leave
 from tensctl.structure import Structure
 
 
@@ -41,13 +42,14 @@ class Record:
 
     def mark(self, t: float, status: str) -> None:
         """Say what a controller said at time t, when that is kept."""
-        self._status[self.here == t] = status
+        row = int(np.searchsorted(self.here, t))
+        if row < self.here.size and self.here[row] == t:
+            self._status[row] = status
 
     def motion(self, dynamics: Dynamics) -> dict[str, np.ndarray]:
         """What a `Run` holds of all rows: times, nodes, velocities, lengths, tensions, rest lengths, inputs, status."""
         structure, members = dynamics.structure, dynamics.members
-        nodes = placed(structure, self._q, structure.nodes)
-        velocities = placed(structure, self._v, np.zeros_like(structure.nodes))
+        nodes, velocities = placed(structure, self._q, self._v)
         length = structure.lengths_at(nodes)
         return {
             "time": self.here,
@@ -61,10 +63,10 @@ class Record:
         }
 
 
-def placed(structure: Structure, q: Float[np.ndarray, "t rods 6"], base: Float[np.ndarray, "nodes 3"]) -> np.ndarray:
-    """Nodes (t, N, 3) of rod coordinates; nodes without a moving rod, and held ends, stay at `base`."""
-    nodes = np.repeat(base[None], len(q), axis=0)
-    nodes[:, structure.rods[:, 0]] = 0.5 * (q[..., :3] - q[..., 3:])
-    nodes[:, structure.rods[:, 1]] = 0.5 * (q[..., :3] + q[..., 3:])
-    nodes[:, structure.pinned] = base[structure.pinned]
-    return nodes
+def placed(
+    structure: Structure, q: Float[np.ndarray, "t rods 6"], v: Float[np.ndarray, "t rods 6"]
+) -> tuple[Float[np.ndarray, "t nodes 3"], Float[np.ndarray, "t nodes 3"]]:
+    """Nodes and their velocities from rods' coordinates and rates; what no rod moves stays where the structure has it."""
+    nodes, velocities = (np.empty((len(q), *structure.nodes.shape)) for _ in range(2))
+    leave(structure.rods, structure.nodes, structure.held, q, v, nodes, velocities)
+    return nodes, velocities

@@ -47,7 +47,8 @@ class InputLimits:
 
     def kept(self, u: Float[np.ndarray, " nu"], now: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:
         """Inputs within all limits, to the last bit, a period after those of now."""
-        return np.clip(np.clip(u, now - self.reach, now + self.reach), self.lower, self.upper)
+        near = np.minimum(np.maximum(u, now - self.reach), now + self.reach)
+        return np.minimum(np.maximum(near, self.lower), self.upper)
 
 
 def input_reach(structure: Structure, members: Members, u_max: Size | None) -> Float[np.ndarray, " nu"]:

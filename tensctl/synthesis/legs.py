@@ -72,7 +72,7 @@ class Leg:
 
     def share(self, t: float | np.ndarray) -> np.ndarray:
         """How much of the leg is done at time t, 0 to 1."""
-        return profile(np.clip((np.asarray(t, float) - self.start) / self.duration, 0.0, 1.0))
+        return profile(np.minimum(np.maximum((np.asarray(t, float) - self.start) / self.duration, 0.0), 1.0))
 
     def rates(self, t: float) -> Float[np.ndarray, " 2"]:
         """First and second rate of the share at time t, 1/s and 1/s^2."""

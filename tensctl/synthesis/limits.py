@@ -15,6 +15,22 @@ from tensctl.synthesis.qp import QP
 
 
 @dataclass(frozen=True, eq=False)
+class Ahead:
+    """What a reference asks of the coming periods; once it rests, the same at every step.
+
+    Attributes
+    ----------
+    start : (nx + nu,)
+        State and inputs of the reference, (deviation from the model's equilibrium, total), when a command begins to act.
+    bounds : dict of (N, .) arrays
+        Those attributes of `Limits` that depend on the reference alone.
+    """
+
+    start: Float[np.ndarray, " n"]
+    bounds: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
 class Limits:
     """Start and bounds of one step.
 
@@ -48,11 +64,13 @@ class Limits:
 
     def assemble(self, problem: Condensed) -> QP:
         """The condensed QP of this step."""
-        nu = self.input_upper.shape[1]
-        first = np.zeros_like(self.change_lower)
-        first[0] = self.start[-nu:]
-        floor = -self.tension_margin.ravel() - problem.tension_from_state @ self.start
-        upper = self.input_upper.ravel()
+        now, inputs, floors = self.start[-self.about.shape[1] :], self.about.size, self.tension_margin.size
+        lower = np.concatenate([self.input_lower, -self.tension_margin, self.change_lower], axis=None)
+        upper = np.concatenate([self.input_upper, np.full(floors, np.inf), self.change_upper], axis=None)
+        rates = slice(inputs + floors, inputs + floors + now.size)
+        lower[inputs : inputs + floors] -= problem.tension_from_state @ self.start
+        lower[rates] += now  # the first period begins where rest lengths are
+        upper[rates] += now
         f = problem.from_state @ self.start
         if problem.following is not None and self.wanted is not None:
             f = f + problem.following.plan @ self.wanted.ravel()
@@ -60,10 +78,10 @@ class Limits:
             H=problem.H,
             f=f,
             A=problem.rows,
-            lower=np.concatenate([self.input_lower.ravel(), floor, (self.change_lower + first).ravel()]),
-            upper=np.concatenate([upper, np.full(floor.size, np.inf), (self.change_upper + first).ravel()]),
+            lower=lower,
+            upper=upper,
             start=self.start,
-            guess=(self.start[-nu:] + np.zeros_like(first) if self.plan is None else self.plan).ravel(),
+            guess=np.tile(now, len(self.about)) if self.plan is None else self.plan.ravel(),
         )
 
     def shortfall(self, problem: Condensed, plan: Float[np.ndarray, "N nu"]) -> float:

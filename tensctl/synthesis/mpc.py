@@ -23,13 +23,13 @@ from tensctl.model.tensions import tensions_at
 from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, condense
 from tensctl.synthesis.input_limits import InputLimits, check_asked
-from tensctl.synthesis.limits import Limits
+from tensctl.synthesis.limits import Ahead, Limits
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_solvers import SOLVERS, first_choice
-from tensctl.synthesis.reference import Hold, Reference, outputs_along, refuse_beyond
+from tensctl.synthesis.reference import Hold, Reference, outputs_along, refuse_beyond, rests
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, seen
 from tensctl.synthesis.signal import Wanted, signal_for
@@ -121,6 +121,7 @@ class MPC:
         self.signal, self.preview = signal_for(self.weights, self.linear, signal), preview
         self.u_max = asked.u_max
         self._pieces: dict[int, Piece] = {}
+        self._at_rest: Ahead | None = None
         self._plan: np.ndarray | None = None
         self._command: np.ndarray | None = None
         self._predicted: np.ndarray | None = None
@@ -198,7 +199,9 @@ class MPC:
         return parting(self._predicted, tensions, self.tension_min, noise)
 
     def _tensions_of(self, look: Any) -> tuple[Float[np.ndarray, " nt"], Float[np.ndarray, " nt"] | float]:
-        """Measured tensions, and by how much they may be off, N: here those of measured nodes and rest lengths."""
+        """Measured tensions, and by how much they may be off, N; where none are, those of nodes and rest lengths."""
+        if look.tensions is not None:
+            return look.tensions, 0.0
         dynamics, nodes = self.linear.dynamics, look.nodes[None]
         length, rest = dynamics.structure.lengths_at(nodes), dynamics.members.shortened(look.inputs)[None]
         return tensions_at(dynamics, nodes, look.velocities[None], length, rest)[0], 0.0
@@ -208,7 +211,7 @@ class MPC:
         before = limits.start[-command.size :]
         inputs = before + (1 - self.delay / self.dt) * (command - limits.about[0] - before)
         margin, tendons = self._margin_at_next(t, piece, limits), len(self.linear.dynamics.structure.tendons)
-        return expected(piece.problem, piece.until_next, limits.start, inputs, margin, self.tension_min, tendons)
+        return expected(piece.problem, piece.tension_next, limits.start, inputs, margin, self.tension_min, tendons)
 
     def _margin_at_next(self, t: float, piece: Piece, limits: Limits) -> Float[np.ndarray, " nT"]:
         if not self.delay:
@@ -236,32 +239,52 @@ class MPC:
     def limits(self, t: float, measurement: Measured) -> Limits:
         """Start and bounds of the problem at time t."""
         piece = self._piece(self.reference.knot_at(t))
-        linear = piece.linear
-        acts, rest = t + self.delay, linear.equilibrium.inputs
-        here = linear.state_of(self.reference.nodes_at(acts), self.reference.velocities_at(acts))
+        linear, ahead = piece.linear, self._ahead(piece, t)
+        rest = linear.equilibrium.inputs
         state = linear.state_of(measurement.nodes, measurement.velocities)
         state, inputs = self._when_it_acts(piece, state, measurement.inputs - rest)
-        times = acts + self.dt * np.arange(self.horizon + 1)
-        course, tensions = self.reference.inputs_at(times), self.reference.tensions_at(times[1:])
-        before, ahead = course[:-1], course[1:]
-        lower, upper, reach = *self.hard.range, self.hard.reach
         return Limits(
-            start=np.concatenate([state - here, inputs + rest - before[0]]),
-            tension_margin=piece.problem.margin(tensions, self.tension_min),
-            input_lower=lower - ahead,
-            input_upper=upper - ahead,
-            change_lower=-reach - (ahead - before),
-            change_upper=reach - (ahead - before),
-            about=ahead,
-            wanted=self._wanted(piece, t, times[1:]),
-            plan=None if self._plan is None else self._continued(self._plan) - ahead,
+            start=np.concatenate([state, inputs + rest]) - ahead.start,
+            wanted=self._wanted(piece, t),
+            plan=None if self._plan is None else self._continued(self._plan) - ahead.bounds["about"],
+            **ahead.bounds,
         )
 
-    def _wanted(self, piece: Piece, t: float, times: np.ndarray) -> Float[np.ndarray, "N ny"] | None:
+    def _ahead(self, piece: Piece, t: float) -> Ahead:
+        """What the reference asks of the periods after a sample; computed once where it rests from then on."""
+        if not rests(self.reference, t):
+            return self._ahead_of(piece, t)
+        if self._at_rest is None:
+            self._at_rest = self._ahead_of(piece, t)
+        return self._at_rest
+
+    def _ahead_of(self, piece: Piece, t: float) -> Ahead:
+        reference, acts = self.reference, t + self.delay
+        course = reference.inputs_at(np.append(acts, self._ends(t)))
+        about, change = course[1:], course[1:] - course[:-1]
+        state = piece.linear.state_of(reference.nodes_at(acts), reference.velocities_at(acts))
+        return Ahead(
+            np.concatenate([state, course[0]]),
+            {
+                "tension_margin": piece.problem.margin(reference.tensions_at(self._ends(t)), self.tension_min),
+                "input_lower": self.hard.lower - about,
+                "input_upper": self.hard.upper - about,
+                "change_lower": -self.hard.reach - change,
+                "change_upper": self.hard.reach - change,
+                "about": about,
+            },
+        )
+
+    def _ends(self, t: float) -> Float[np.ndarray, " N"]:
+        """Ends of the periods that a command computed at a sample begins, s."""
+        return t + self.delay + self.dt * np.arange(1, self.horizon + 1)
+
+    def _wanted(self, piece: Piece, t: float) -> Float[np.ndarray, "N ny"] | None:
         """What is wanted of the outputs at the ends of the coming periods: deviations from the path, over sizes."""
         follows = piece.problem.following
         if self.signal is None or follows is None:
             return None
+        times = self._ends(t)
         told = self.signal.at(times if self.preview else np.full(self.horizon, t))
         if not self.signal.about_path:
             told = told - outputs_along(self.reference, follows.weighed.linear, times)
@@ -304,7 +327,7 @@ class MPC:
     @staticmethod
     def _continued(plan: np.ndarray) -> np.ndarray:
         """What a plan does from its second period on; its end is held."""
-        return np.vstack([plan[1:], plan[-1:]])
+        return np.concatenate([plan[1:], plan[-1:]])
 
 
 def _check_size(linear: LinearModel, horizon: int) -> None:

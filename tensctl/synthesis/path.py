@@ -71,6 +71,11 @@ class ShapePath:
         """Of all legs, s."""
         return sum(leg.duration for leg in self.legs)
 
+    @cached_property
+    def ends(self) -> float:
+        """When the motion is over for good, s."""
+        return self.start + self.duration
+
     @property
     def features(self) -> tuple[Feature, ...]:
         """What was wanted in the end: height, twist, tip, tilt, coordinates of nodes."""
@@ -84,7 +89,7 @@ class ShapePath:
             leg.start + leg.duration * np.interp(np.arange(leg.steps) / leg.steps, profile(fine), fine)
             for leg in self.legs
         ]
-        return np.append(np.concatenate(times), self.start + self.duration)
+        return np.append(np.concatenate(times), self.ends)
 
     @property
     def nodes(self) -> Float[np.ndarray, "k nodes 3"]:
@@ -160,13 +165,13 @@ class ShapePath:
 
     def knot_at(self, t: float) -> int:
         """Index of the planned equilibrium nearest to the reference."""
-        return int(np.rint(float(self.place(t))))
+        return len(self.equilibria) - 1 if self._over(t) else round(float(self.place(t)))
 
     @cached_property
     def played(self) -> Frames:
         """The reference at equal steps of time on each leg, tensions at rest."""
         legs = [leg.start + leg.duration * np.arange(_FRAMES) / _FRAMES for leg in self.legs]
-        time = np.append(np.concatenate(legs), self.start + self.duration)
+        time = np.append(np.concatenate(legs), self.ends)
         return Frames(time, np.stack([self.nodes_at(t) for t in time]), self.balanced_tensions_at(time))
 
     @cached_property
@@ -190,7 +195,7 @@ class ShapePath:
         """What inertia adds to inputs and tensions, side by side, over the number of the sample."""
         legs = self.legs
         times = [leg.start + leg.duration * np.arange(leg.samples) / leg.samples for leg in legs]
-        added = inertial(self, np.append(np.concatenate(times), self.start + self.duration))
+        added = inertial(self, np.append(np.concatenate(times), self.ends))
         return _splines(np.hstack([added.inputs, added.tensions]), [leg.samples for leg in legs])
 
     @cached_property
@@ -203,7 +208,7 @@ class ShapePath:
 
     def _over(self, t: float | np.ndarray) -> bool:
         """Whether the path has come to its end by all of these times."""
-        return bool(np.min(t) >= self.start + self.duration)
+        return bool(np.min(t) >= self.ends)
 
     @cached_property
     def _placed(self):

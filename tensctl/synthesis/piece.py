@@ -49,9 +49,11 @@ class Piece:
         return stretch(self.linear, self.delay)
 
     @cached_property
-    def until_next(self) -> Stretch:
-        """The model from when a command begins to act until the next sample."""
-        return stretch(self.linear, self.problem.sampled.dt - self.delay)
+    def tension_next(self) -> Float[np.ndarray, "nT n"]:
+        """Scaled tensions at the next sample from (e, v) when a command begins to act, and v at the sample."""
+        way = stretch(self.linear, self.problem.sampled.dt - self.delay)
+        from_state, from_inputs = np.hsplit(self.problem.tension, [len(way.F)])
+        return np.hstack([from_state @ way.F, from_state @ way.G0, from_state @ way.G1 + from_inputs])
 
     def answer(self, limits: Limits) -> tuple[Float[np.ndarray, "N nu"], str, float] | None:
         """Plan, status and KKT residual; nothing when no answer can be used."""

@@ -70,17 +70,18 @@ class QP:
     def residual(self, z: np.ndarray, y: np.ndarray, values: np.ndarray) -> float:
         """`kkt_residual` with the values of z at hand."""
         n = self.f.size
-        pull = self.H @ z
+        pull, pulls = self.H @ z, np.flatnonzero(y)
+        left, scale = pull + self.f, max(np.abs(pull).max(), np.abs(self.f).max(), _TINY)
+        reach = max(np.abs(values).max(), _TINY)
+        if not pulls.size:  # no limit acts, and there is nothing more to sum up
+            return float(max(np.abs(left).max() / scale, self.broken(values) / reach))
         acting = np.flatnonzero(y[n:])
         push = y[:n] + y[n:][acting] @ self.A[acting]
-        scale = max(np.abs(pull).max(), np.abs(self.f).max(), np.abs(push).max(), _TINY)
-        stationary = np.abs(pull + self.f + push).max() / scale
-        reach = max(np.abs(values).max(), _TINY)
-        pulls = np.flatnonzero(y)
+        scale = max(scale, np.abs(push).max())
         gaps = np.where(y[pulls] > 0, self.upper[pulls] - values[pulls], values[pulls] - self.lower[pulls])
         slack = np.abs(y[pulls]) * np.minimum(np.abs(gaps), reach)
         size = max(np.abs(y).max(), scale)
-        return float(max(stationary, self.broken(values) / reach, slack.max(initial=0.0) / (size * reach)))
+        return float(max(np.abs(left + push).max() / scale, self.broken(values) / reach, slack.max() / (size * reach)))
 
 
 @dataclass(frozen=True, eq=False)

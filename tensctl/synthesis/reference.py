@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +17,10 @@ _BEYOND = 1e-9
 
 
 class Reference(Protocol):
-    """Nodes, velocities, rest-length changes and tensions over time."""
+    """Nodes, velocities, rest-length changes and tensions over time.
+
+    One that comes to rest for good may say when, as `ends`, s: what a controller needs of it is then computed once.
+    """
 
     @property
     def equilibria(self) -> tuple[Equilibrium, ...]:
@@ -50,6 +53,7 @@ class Hold:
     """One equilibrium for ever."""
 
     equilibrium: Equilibrium
+    ends: ClassVar[float] = -np.inf
 
     @property
     def equilibria(self) -> tuple[Equilibrium, ...]:
@@ -75,6 +79,11 @@ class Hold:
     def knot_at(self, t: float) -> int:
         """The only one."""
         return 0
+
+
+def rests(reference: Reference, t: float) -> bool:
+    """Whether a reference says that it is at rest from time t on."""
+    return t >= getattr(reference, "ends", np.inf)
 
 
 def outputs_along(reference: Reference, linear: LinearModel, times: Float[np.ndarray, " k"]) -> np.ndarray:

@@ -26,11 +26,14 @@ class Seen:
     ----------
     nodes, velocities : (N, 3) m, m/s
     inputs : (nu,) m
+    tensions : (nt,) N, or None
+        As measured; a sample need not tell them.
     """
 
     nodes: Float[np.ndarray, "nodes 3"]
     velocities: Float[np.ndarray, "nodes 3"]
     inputs: Float[np.ndarray, " nu"]
+    tensions: Float[np.ndarray, " nt"] | None = None
 
 
 def seen(structure: Structure, measurement: Measured | None, inputs: Float[np.ndarray, " nu"]) -> Seen | None:
@@ -40,7 +43,9 @@ def seen(structure: Structure, measurement: Measured | None, inputs: Float[np.nd
     ends, moving = measurement.nodes[structure.rods], measurement.velocities[structure.rods]
     stretch = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / structure.rod_lengths - 1.0
     fits = np.abs(stretch).max() <= _FITS  # never of numbers that are missing
-    return Seen(measurement.nodes, measurement.velocities, inputs) if fits and np.isfinite(moving).all() else None
+    if not (fits and np.isfinite(moving).all()):
+        return None
+    return Seen(measurement.nodes, measurement.velocities, inputs, getattr(measurement, "tensions", None))
 
 
 def known_inputs(measured: np.ndarray | None, believed: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:

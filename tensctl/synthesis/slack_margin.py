@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.linear.propagate import Stretch
 from tensctl.synthesis.condensed import Condensed
 
 # Part of the floor that a tendon may miss. With none every tendon that is held at its floor would be told: on the (3,1)
@@ -47,13 +46,15 @@ class Parting:
 
 
 def expected(
-    problem: Condensed, way: Stretch, start: np.ndarray, inputs: np.ndarray, margin: Float[np.ndarray, " nT"],
-    floor: float, tendons: int,
+    problem: Condensed, way: Float[np.ndarray, "nT n"], start: np.ndarray, inputs: np.ndarray,
+    margin: Float[np.ndarray, " nT"], floor: float, tendons: int,
 ) -> Float[np.ndarray, " nt"]:  # fmt: skip
     """Tensions after a stretch of time in which inputs ramp, (nt,) N; nan for tendons without a floor.
 
     Parameters
     ----------
+    way : (nT, nx + 2 nu)
+        Scaled tensions then from (e, v) at its beginning and v at its end.
     start : (nx + nu,)
         (e, v) at its beginning.
     inputs : (nu,) m
@@ -64,11 +65,10 @@ def expected(
     tendons : int
         Number of tendons.
     """
-    nu, floors = inputs.size, problem.side > 0
-    e = way.F @ start[:-nu] + way.G0 @ start[-nu:] + way.G1 @ inputs
-    left = (margin + problem.tension @ np.concatenate([e, inputs])) * problem.tension_scale
+    floors = problem.side > 0
+    left = (margin + way @ np.concatenate([start, inputs])) * problem.tension_scale
     tensions = np.full(tendons, np.nan)
-    tensions[problem.floored] = left[floors] + floor
+    tensions[problem.tendons[floors]] = left[floors] + floor
     return tensions
 
 
@@ -91,7 +91,7 @@ def parting(
         return Parting()
     told, found = predicted[known], measured[known]
     gap, floor = told - found, max(floor, 0.0)
-    sure = gap > np.broadcast_to(noise, predicted.shape)[known] + _ROUNDING * np.abs(told).max()
+    sure = gap > (noise[known] if isinstance(noise, np.ndarray) else noise) + _ROUNDING * np.abs(told).max()
     short = (found < (1 - _SHORT) * floor) | (found < _LEFT * told)
     parted = (told >= floor * (1 - _KEPT)) & short & sure
     if not parted.any():

@@ -42,8 +42,7 @@ class Idas(Judge):
     def advance(self, prepared: tuple[ca.Function, ca.Function], q, v, span: list[float]) -> None:
         """Move q and v in place from span[0] on for span[1], s."""
         (solver, consistent), structure = prepared, self.dynamics.structure
-        nodes = placed(structure, q[None], structure.nodes)[0]
-        velocities = placed(structure, v[None], np.zeros_like(structure.nodes))[0]
+        (nodes,), (velocities,) = placed(structure, q[None], v[None])
         x = np.concatenate([nodes.ravel()[self._free], velocities.ravel()[self._free]])
         found = np.asarray(self.run(solver, x0=x, z0=consistent(x, span), p=span)["xf"]).ravel()
         nodes, velocities = nodes.copy().ravel(), np.zeros(nodes.size)
