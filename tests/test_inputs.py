@@ -46,6 +46,16 @@ class TestLoads:
         wanted = 3 * np.outer(np.array([0, 0.075, 0.3, 0.5, 0.3]), [1.0, 0.0, 2.0])
         assert np.abs(momenta(dynamics, run)[0] - wanted).max() < 1e-10
 
+    def test_pushes_that_come_and_go(self, free):
+        """Each of the sets that act at once counts for as long as it acts, and again when it comes back."""
+        dynamics, rest = free
+        a, b = np.array([3.0, 0.0, 1.0]), np.array([0.0, -2.0, 0.0])
+        times = [(a, 0.1, 0.4), (b, 0.3, 0.6), (a, 0.7, 0.8)]
+        pushes = [tc.Push(f"P4_{k + 1}_1", force.tolist(), *span) for k, (force, *span) in enumerate(times)]
+        run = tc.simulate(dynamics, rest, timepts=np.linspace(0, 1, 21), pushes=pushes)
+        wanted = sum(force * (np.clip(run.time, on, off) - on)[:, None] for force, on, off in times)
+        assert np.abs(momenta(dynamics, run)[0] - wanted).max() < 1e-10
+
     def test_scene_asks_for_them(self, tmp_path):
         scene = shell_scene(
             equilibrium={},

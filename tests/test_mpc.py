@@ -31,7 +31,7 @@ def controller(steering):
 
 
 def shown(case, nodes, velocities, inputs=None):
-    """What the controller sees; only nodes, velocities and inputs count."""
+    """What the controller sees; commands depend on nodes, velocities and inputs only."""
     rest = case[1]
     inputs = rest.inputs if inputs is None else inputs
     return Measurement(nodes, velocities, rest.lengths, rest.tensions, inputs)
@@ -439,3 +439,41 @@ class TestMistakes:
         _, _, linear = solved(shell_scene(pins=["P1_*_1"], actuators={"tendons": ["t5_1_1"]}))
         with pytest.raises(tc.SynthesisError, match="Riccati equation"):
             tc.MPC(linear, horizon=3)
+
+
+class Reticent:
+    """A reference that never says that it rests."""
+
+    def __init__(self, reference):
+        self._reference = reference
+
+    def __getattr__(self, name):
+        if name == "ends":
+            raise AttributeError
+        return getattr(self._reference, name)
+
+
+class TestAtRest:
+    """What is computed once of a reference that rests is what every step would compute."""
+
+    @pytest.mark.parametrize("delay", [0.0, 0.012])
+    def test_commands_are_the_same_to_the_last_bit(self, mast, delay):
+        dynamics, rest, linear = mast
+        path = tc.plan_shape(shell_scene(pins=["P1_*_1"]), {"height_scale": 1.02, "duration": 0.3})
+        runs = [
+            tc.simulate(
+                dynamics, rest, controller=tc.MPC(linear, horizon=4, path=way, delay=delay), t_end=0.5,
+                pushes=[tc.Push("P4_1_1", (3.0, 0.0, 0.0), 0.35, 0.4)],
+            )
+            for way in (path, Reticent(path))
+        ]  # fmt: skip
+        assert (runs[0].inputs == runs[1].inputs).all()
+        assert np.ptp(runs[0].inputs[runs[0].time > 0.35], axis=0).max() > 1e-4
+
+    def test_a_path_rests_from_its_end_on(self, mast):
+        path = tc.plan_shape(shell_scene(pins=["P1_*_1"]), {"height_scale": 1.02, "duration": 0.3, "start": 0.1})
+        assert path.ends == pytest.approx(0.4)
+        assert path.knot_at(path.ends) == path.knot_at(path.ends - 1e-9) == len(path.equilibria) - 1
+        for at in (path.inputs_at, path.tensions_at, path.nodes_at):
+            assert (at(path.ends) == at(path.ends + 1.0)).all()
+            assert np.abs(at(path.ends) - at(path.ends - 1e-9)).max() < 1e-6

@@ -106,7 +106,7 @@ class TestFloors:
             actuators.command(np.full(21, 10.0), 0.02)
             assert (start + late * actuators.rate < members.floors).any()
             assert (actuators.after(np.array([0.0, late])) >= members.floors).all()
-            actuators.advance(late)
+            actuators.advance(np.array([late]))
             assert (actuators.rest >= members.floors).all()
             assert (actuators.asked >= members.floors).all()
             assert (actuators.rest[members.inputs] < members.floors[members.inputs] * (1 + 1e-9)).any()
@@ -116,5 +116,5 @@ class TestFloors:
         start = members.floors - 1e-4
         actuators = Actuators(members, start, 1e-3)
         actuators.command(mast[1].inputs, 0.02)
-        actuators.advance(0.02)
+        actuators.advance(np.array([0.02]))
         assert np.abs(actuators.rest - start)[members.inputs] == pytest.approx(2e-5, rel=1e-6)

@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections import namedtuple
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from tensctl.simulation.parted import parting_told
 from tensctl.synthesis.slack_margin import parting
 
 FLOOR = 1.0
+Bare = namedtuple("Bare", "nodes velocities inputs")
 PUSH = tc.Push("P4_1_1", (20.0, 0.0, 0.0), 0.1, 0.2)
 
 
@@ -96,6 +98,28 @@ class TestParting:
     def test_the_gap_is_of_the_tendon_nearest_to_slack(self):
         assert parting(np.array([4.0, 2.0]), np.array([3.0, 1.8]), 1.0).gap == pytest.approx(0.2)
         assert np.isnan(parting(np.array([np.nan]), np.array([1.0]), 1.0).gap)
+
+
+class TestMeasured:
+    def test_tensions_follow_from_nodes_where_none_are_told(self, mast, pushed):
+        """Gaps of the run again, from samples without tensions."""
+        _, run = pushed
+        controller = tc.MPC(mast[2], horizon=6, tension_min=FLOOR)
+        for k, t in enumerate(run.time):
+            controller.step(t, Bare(run.nodes[k], run.velocities[k], run.inputs[k]))
+        gaps = np.array([record.margin_gap for record in controller.records])
+        assert np.abs(gaps - run.margin_gap)[1:].max() < 1e-9
+        assert [record.parted for record in controller.records] == run.parted.tolist()
+
+    def test_measured_tensions_count(self, mast, pushed):
+        """A gauge that reads 0.1 N less than there is."""
+        _, run = pushed
+        controller = tc.MPC(mast[2], horizon=6, tension_min=FLOOR)
+        for k, t in enumerate(run.time[:4]):
+            read = run.tensions[k] - 0.1
+            controller.step(t, tc.Measurement(run.nodes[k], run.velocities[k], run.lengths[k], read, run.inputs[k]))
+        gaps = np.array([record.margin_gap for record in controller.records])
+        assert np.abs(gaps - run.margin_gap[:4] - 0.1)[1:].max() < 1e-9
 
 
 class TestFromSensors:

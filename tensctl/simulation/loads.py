@@ -170,7 +170,7 @@ class Loads:
         return forces
 
     def between(self, t0: float, t1: float) -> Acting:
-        """What acts on an interval without an edge inside; the same as before where the same loads act, and are steady."""
+        """What acts on an interval without an edge inside; what was said before where nothing has changed."""
         middle = 0.5 * (t0 + t1)
         acts = [isinstance(load, History) or load.start <= middle < load.stop for _, load in self._loads]
         if self._last is None or not self._steady or self._last[0] != acts:

@@ -66,7 +66,7 @@ class Record:
 def placed(
     structure: Structure, q: Float[np.ndarray, "t rods 6"], v: Float[np.ndarray, "t rods 6"]
 ) -> tuple[Float[np.ndarray, "t nodes 3"], Float[np.ndarray, "t nodes 3"]]:
-    """Nodes and their velocities from rods' coordinates and rates; what no rod moves stays where the structure has it."""
+    """Nodes and velocities from rods' coordinates and rates; what no rod moves stays where the structure has it."""
     nodes, velocities = (np.empty((len(q), *structure.nodes.shape)) for _ in range(2))
     leave(structure.rods, structure.nodes, structure.held, q, v, nodes, velocities)
     return nodes, velocities

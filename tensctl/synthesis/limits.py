@@ -21,7 +21,7 @@ class Ahead:
     Attributes
     ----------
     start : (nx + nu,)
-        State and inputs of the reference, (deviation from the model's equilibrium, total), when a command begins to act.
+        Its state, a deviation from the model's equilibrium, and its total inputs when a command begins to act.
     bounds : dict of (N, .) arrays
         Those attributes of `Limits` that depend on the reference alone.
     """
