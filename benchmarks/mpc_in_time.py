@@ -99,7 +99,17 @@ def main() -> None:
         rows += rows_of(name, controller, run, rest)
         for row in rows[-5:]:
             print(row, flush=True)
-    head = ["searches", "answered by", "steps", "median, ms", "99 %", "worst", "largest KKT", "lengths off, mm", "missing, N"]
+    head = [
+        "searches",
+        "answered by",
+        "steps",
+        "median, ms",
+        "99 %",
+        "worst",
+        "largest KKT",
+        "lengths off, mm",
+        "missing, N",
+    ]
     if asked.docs:
         page.write("mpc.md", {"in time": page.table(head, rows)})
 

@@ -135,7 +135,7 @@ def plot(rows: list[dict]) -> None:
                 own = [r for r in rows if (r["case"], r["horizon"], r["floors"], r["solver"]) == key]
                 points = [(1e3 * r["seconds"], max(r["worst_error"], 1e-16)) for r in own if r["worst_error"] >= 0]
                 axes.loglog(
-                    *np.reshape(points, (-1, 2)).T, "oPs^Dv"[k] + dash, color=f"C{k}", markersize=4, linewidth=1
+                    *np.reshape(points, (-1, 2)).T, "oPX^sDv"[k] + dash, color=f"C{k}", markersize=4, linewidth=1
                 )
         axes.set_title(f"{case}, floors {floors}", fontsize=9)
         axes.grid(visible=True, which="major", alpha=0.3)

@@ -12,6 +12,7 @@ from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.qp import Solution
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_daqp import DaqpSolver
+from tensctl.synthesis.qp_dual import DualSolver
 from tensctl.synthesis.qp_solvers import SOLVERS, first_choice, new_solver, order_of
 from tensctl.synthesis.relaxed import relax
 
@@ -124,7 +125,8 @@ class TestOptimum:
             assert ("piqp", True) in order
             assert len(set(order)) == len(order)
         name, why = first_choice(20, 24, 48)
-        assert name == "daqp"
+        assert name == "dual"
+        assert first_choice(20, 304, 1000)[0] == "daqp"
         assert "0.92 million" in why
 
     def test_limits_act_in_the_hardest_of_them(self, mast, controller):
@@ -163,7 +165,7 @@ class TestOptimum:
     def test_solver_asked_first_does_not_matter(self, mast, controller):
         seen = disturbed(mast, *LIVELY)
         asked = controller.step(0.0, seen)
-        assert controller.records[0].status == "daqp"
+        assert controller.records[0].status == "dual"
         for name in SOLVERS[1:]:
             other = tc.MPC(mast[2], horizon=HORIZON, tension_min=FLOOR, rate_max=RATE, solver=name)
             assert np.abs(asked - other.step(0.0, seen)).max() < 1e-7
@@ -321,14 +323,14 @@ class TestHardLimits:
     def test_a_wrong_answer_is_not_taken(self, mast, monkeypatch):
         """A solver that says "solved" and is off by a little is refused by the recomputed KKT residual."""
         controller = tc.MPC(mast[2], horizon=5, rate_max=RATE)
-        honest = DaqpSolver.solve
+        honest = DualSolver.solve
 
         def lying(self, qp):
             found = honest(self, qp)
             z = found.z + 1e-4
             return Solution(z, found.y, "solved", qp.kkt_residual(z, found.y))
 
-        monkeypatch.setattr(DaqpSolver, "solve", lying)
+        monkeypatch.setattr(DualSolver, "solve", lying)
         controller.step(0.0, disturbed(mast, *LIVELY))
         assert controller.records[0].status == "primal"
         assert controller.records[0].kkt < 1e-6

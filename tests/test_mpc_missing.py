@@ -91,7 +91,7 @@ def test_sensors_that_never_answer_are_all_missing(mast):
     silent = Reading(np.full(48, np.nan), np.full(21, np.nan))
     assert (first.step(0.02, None) == second.step(0.02, silent)).all()
     assert first.estimate.missing == 48
-    assert first.records[-1].status == "daqp"
+    assert first.records[-1].status == "dual"
 
 
 class TestFloors:

@@ -196,7 +196,7 @@ class TestClosedLoop:
         for preview in (True, False):
             controller = tc.MPC(linear, horizon=10, weights=tc.Weights(outputs=TIP), signal=swing, preview=preview)
             run = tc.simulate(dynamics, rest, controller=controller, t_end=2.0)
-            assert {record.status for record in controller.records} == {"daqp"}
+            assert {record.status for record in controller.records} == {"dual"}
             missed = run.nodes[:, tip] - [swing(t) for t in run.time]
             worst[preview] = np.linalg.norm(missed, axis=1)[50:].max()
         assert worst[True] < 2e-4

@@ -178,7 +178,10 @@ SENTENCES = [
     ),
     ({"mpc": {"iterations": 3}}, 'mpc.iterations is 3; only model = "nonlinear" repeats its steps.'),
     ({"mpc": {"horizon": 0}}, "mpc.horizon is 0; expected a whole number >= 1 (control periods)."),
-    ({"mpc": {"solver": "qp"}}, 'mpc.solver is "qp"; expected "auto", "daqp", "primal", "osqp", "piqp" or "clarabel".'),
+    (
+        {"mpc": {"solver": "qp"}},
+        'mpc.solver is "qp"; expected "auto", "dual", "primal", "daqp", "osqp", "piqp" or "clarabel".',
+    ),
     (
         {"target": {}},
         "target names no shape; expected height_scale, twist, tip, tilt or nodes, or [[target.waypoint]].",

@@ -29,6 +29,8 @@ TOLERANCES = (1e-3, 1e-6, 1e-9)
 _STRICT = 1e-12
 # Problems of each kind, and the part of the budget that the closed loop may take, and the reference.
 _MOST, _LOOP = 10, 0.2
+# Solvers of problems whose floors can be kept only.
+_KEEPERS = ("cvxpy", "dual")
 # A solve is timed again when it takes less than this, s.
 _QUICK = 0.1
 
@@ -102,7 +104,7 @@ def compared(
         for floors, _ in kinds
         for name in solvers
         for tol in loose_first
-        if name != "cvxpy" or floors == "kept"
+        if floors == "kept" or name not in _KEEPERS
     ]
     share = budget / max(len(asked) + len(kinds) * len(tolerances), 1)
     known: dict[str, list[Known]] = {}

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from tensctl.report.numbers import seconds
-from tensctl.report.palette import BAD, BLUE, DOUBT, GREEN, MUTED, ORANGE, PURPLE, Ink
+from tensctl.report.palette import BAD, BLUE, DOUBT, GREEN, MUTED, ORANGE, PURPLE, ROD_LIGHT, Ink
 from tensctl.report.plots import DASHES, Plot, Sheet, draw, log_axis
 from tensctl.report.written import write_measured
 
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 SHEET = Sheet(width=760.0, height=330.0, top=32.0, right=150.0)
 LOOKS: dict[str, tuple[Ink, str]] = {
-    "daqp": (BLUE, "o"),
+    "dual": (BLUE, "o"),
     "primal": (DOUBT, "P"),
+    "daqp": (ROD_LIGHT, "X"),
     "piqp": (GREEN, "s"),
     "osqp": (ORANGE, "^"),
     "clarabel": (PURPLE, "D"),

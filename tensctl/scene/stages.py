@@ -135,7 +135,7 @@ class MpcStage(CostStage):
     tension_min: Annotated[float, Number("N", least=0)] = 0.1
     rate_max: Annotated[float, Number("m/s", above=0)] = 0.5
     u_max: Annotated[Size | None, per_member(Number("m", above=0))] = None
-    solver: Literal["auto", "daqp", "primal", "osqp", "piqp", "clarabel"] = "auto"
+    solver: Literal["auto", "dual", "primal", "daqp", "osqp", "piqp", "clarabel"] = "auto"
     delay: Annotated[float, Number("s", least=0)] = 0.0
     modes: Literal["refuse", "truncate"] = "refuse"
     feedback: Literal["states", "outputs"] = "states"

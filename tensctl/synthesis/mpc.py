@@ -65,7 +65,7 @@ class MPC:
     u_max : number or table by tendon label, m, optional
         Largest change of a rest length from L0, either way (hard).
     weights : Weights
-    solver : "auto", "daqp", "primal", "osqp", "piqp" or "clarabel"
+    solver : "auto", "dual", "primal", "daqp", "osqp", "piqp" or "clarabel"
         Which solver is asked first; `why` says what "auto" chose, and why.
     delay : float, s
         From a sample until the command computed at it begins to act, at most a period.
@@ -99,7 +99,7 @@ class MPC:
         rate_max: float = 0.5,
         u_max: Size | None = None,
         weights: Weights | None = None,
-        solver: Literal["auto", "daqp", "primal", "osqp", "piqp", "clarabel"] = "auto",
+        solver: Literal["auto", "dual", "primal", "daqp", "osqp", "piqp", "clarabel"] = "auto",
         delay: float = 0.0,
         modes: Fast = "refuse",
         path: Reference | None = None,

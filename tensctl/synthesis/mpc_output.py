@@ -85,7 +85,7 @@ class OutputMPC(MPC):
         rate_max: float = 0.5,
         u_max: Size | None = None,
         weights: Weights | None = None,
-        solver: Literal["auto", "daqp", "primal", "osqp", "piqp", "clarabel"] = "auto",
+        solver: Literal["auto", "dual", "primal", "daqp", "osqp", "piqp", "clarabel"] = "auto",
         delay: float = 0.0,
         modes: Literal["refuse", "truncate"] = "refuse",
         path: Reference | None = None,

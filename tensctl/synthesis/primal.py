@@ -403,5 +403,5 @@ def _left_over(basis: Basis, m: int, push: np.ndarray) -> float:
     largest = 0.0
     for k in range(m):
         if basis.entries[k] < push.size:
-            largest = max(largest, abs(push[basis.entries[k]]))
+            largest = max(largest, float(abs(push[basis.entries[k]])))
     return largest

@@ -12,13 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.synthesis.qp import QP, Solution
+from tensctl.synthesis.qp_daqp import QUICK
 from tensctl.synthesis.qp_dense import solve_dense
 from tensctl.synthesis.qp_lazy import PATIENT, solve_lazily
 from tensctl.synthesis.relaxed import relax
-
-# Iterations of the active set after which floors are asked to give way; most problems with a solution take fewer
-# than 70.
-_QUICK = 150
 
 
 def answer(qp: QP, horizon: int) -> tuple[Float[np.ndarray, " n"], str, float] | None:
@@ -31,7 +28,7 @@ def answer(qp: QP, horizon: int) -> tuple[Float[np.ndarray, " n"], str, float] |
 
 def _answers(qp: QP, horizon: int) -> Iterator[tuple[str, Solution]]:
     """Answers in turn."""
-    yield "daqp", solve_lazily(qp, _QUICK)
+    yield "daqp", solve_lazily(qp, QUICK)
     soft, slacks = relax(qp, horizon), qp.f.size + np.arange(horizon)
     yield "daqp relaxed", solve_lazily(soft, PATIENT, slacks)
     yield "piqp relaxed", solve_dense(soft)

@@ -10,9 +10,11 @@ from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.qp import QP, Solver
 from tensctl.synthesis.relaxed import curvature, relax
 
-SOLVERS = ("daqp", "primal", "osqp", "piqp", "clarabel")
+SOLVERS = ("dual", "primal", "daqp", "osqp", "piqp", "clarabel")
 # Up to so many variables an active set is the faster one even with all limits acting.
 _FEW = 100
+# Up to so many, what forces on limits move is worth its room: 7 MB and 0.1 s for the (3,1) shell with 20 stages.
+_MANY = 1000
 
 
 def first_choice(stages: int, inputs: int, states: int) -> tuple[str, str]:
@@ -23,7 +25,8 @@ def first_choice(stages: int, inputs: int, states: int) -> tuple[str, str]:
     limits act.
     """
     dense, staged = 4 * (stages * inputs) ** 2, 15 * 6 * stages * (states + inputs) ** 3
-    name = "daqp" if dense <= staged else "piqp"
+    own = "dual" if stages * inputs <= _MANY else "daqp"
+    name = own if dense <= staged else "piqp"
     return (
         name,
         f"{dense / 1e6:.2g} million operations in an active set at rest, {staged / 1e6:.2g} in an interior point",
@@ -35,16 +38,15 @@ def order_of(first: str, variables: int) -> tuple[tuple[str, bool], ...]:
 
     A dual active set that gives up early hands over to the primal one, whose floors give way only where they have to.
     """
-    hard = dict.fromkeys((first, "daqp"))
+    hard = dict.fromkeys((first, "dual" if variables <= _MANY else "daqp"))
     patient = ("primal", "piqp", "daqp", "osqp") if variables > _FEW else ("daqp", "primal", "piqp", "osqp")
-    soft = dict.fromkeys(patient if first == "daqp" else (first, *patient))
+    soft = dict.fromkeys(patient if first in ("dual", "daqp") else (first, *patient))
     return (*((name, False) for name in hard), *((name, True) for name in soft))
 
 
 def quick_ones(first: str, variables: int) -> tuple[tuple[str, bool], ...]:
     """Those that nearly all steps end with; no control step should wait for their set-up."""
-    primal = ("primal", True)
-    return ((first, False), *(primal,) * (first == "daqp" and order_of(first, variables)[1] == primal))
+    return ((first, False), *(("primal", True),) * (first == "dual" and variables > _FEW))
 
 
 def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None = None) -> Solver:
@@ -69,14 +71,18 @@ def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None =
         from tensctl.synthesis.qp_clarabel import ClarabelSolver
 
         return ClarabelSolver(stages, **asked)
+    if name == "dual":
+        from tensctl.synthesis.qp_dual import DualSolver
+
+        return DualSolver(problem, **(asked | {"room": len(rest.f)} if asked else {}))
     if name == "primal":
         from tensctl.synthesis.qp_primal import PrimalSolver
 
         return PrimalSolver(problem, soft=soft, **(asked | {"work": 1e10} if asked else {}))
     if name == "daqp":
-        from tensctl.synthesis.qp_daqp import DaqpSolver, quick
+        from tensctl.synthesis.qp_daqp import QUICK, DaqpSolver
 
-        return DaqpSolver(rest, **asked) if soft or asked else DaqpSolver(rest, quick(rest))
+        return DaqpSolver(rest, **asked) if soft or asked else DaqpSolver(rest, QUICK)
     from tensctl.synthesis.qp_osqp import OsqpSolver
 
     return OsqpSolver(rest, **asked)

@@ -1,0 +1,228 @@
+"""A dual active set in rates: from the minimum without limits, each limit that is broken is put right in turn.
+
+    minimise  w'G w/2 + g'w   subject to  lower <= (w, M w) <= upper,   low <= S w <= high
+
+With B = (I, M) G^-1 (I, M)' a force f on a limit a moves all values (w, M w) by B_a f, so that a limit costs a few
+products with the rows of B of those that act, and none with G or M. The broken limit p that is furthest out is pushed
+back while the forces of those in the basis W follow,
+
+    f_W -= t r,   values += t (B_p - sum r_j B_j),   r = (B_WW)^-1 B_Wp,
+
+until p is kept or a force of W vanishes, whose limit then leaves [Goldfarb and Idnani 1983].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensctl.jit import jit
+
+# How the search ended.
+SOLVED, BUSY, INFEASIBLE = 0, 1, 2
+# A limit that is further out than this many times the first one: the others are kept at its cost, and most likely not
+# all of them can be.
+_ASTRAY = 4.0
+# A curvature below this part of its own row's is zero.
+_NO_PIVOT = 1e-10
+
+
+@jit
+def search(
+    B: np.ndarray, values: np.ndarray, lower: np.ndarray, upper: np.ndarray, inputs: int, room: int, tol: float
+) -> tuple[int, np.ndarray]:
+    """Put right what is broken.
+
+    Parameters
+    ----------
+    B : (n + r, n + r)
+    values : (n + r,)
+        Rates and tensions of the minimum without limits; become those of the answer.
+    lower, upper : (n + r + n,)
+        Of rates, tensions, and inputs, which are the running sums of rates.
+    inputs : int
+        Inputs of a stage.
+    room : int
+        Most limits that may act.
+    tol : float
+        Largest violation.
+
+    Returns
+    -------
+    ended : SOLVED, BUSY (more limits act than there is room for, or it goes astray) or INFEASIBLE
+    forces : (n + r + n,)
+        Positive at lower limits.
+    """
+    known, count = values.size, lower.size
+    n = count - known
+    free, forces = values.copy(), np.zeros(count)
+    acting, rows = np.empty(room, np.int64), np.empty((room, known))
+    inverse, column, follow = np.empty((room, room)), np.empty(room), np.empty(room)
+    own, change, sums = np.empty(known), np.empty(known), np.empty(n)
+    m, exact, turns, first = 0, True, 0, 0.0
+    while True:
+        _sums(values, inputs, sums)
+        p, out = _furthest(values, sums, lower, upper, tol)
+        if p < 0:
+            if exact:
+                return SOLVED, forces
+            _afresh(free, lower, upper, acting, rows, inverse, m, inputs, forces, values)
+            exact = True
+            continue
+        exact, first = False, max(first, abs(out)) if m == 0 else first
+        if abs(out) > _ASTRAY * first:
+            return BUSY, forces
+        _row(B, p, n, inputs, own)
+        while out != 0.0:
+            turns += 1
+            if turns > 20 * room:
+                return BUSY, forces
+            for k in range(m):
+                column[k] = _value(own, acting[k], inputs, known)
+            follow[:m] = 0.0
+            for k in range(m):
+                for i in range(m):
+                    follow[i] += column[k] * inverse[k, i]
+            itself = _value(own, p, inputs, known)
+            curvature = itself
+            for k in range(m):
+                curvature -= column[k] * follow[k]
+            push, leaves = np.inf, -1
+            if curvature > _NO_PIVOT * itself:
+                push = abs(out) / curvature
+            way = 1.0 if out > 0.0 else -1.0
+            for k in range(m):
+                relief = way * follow[k] * (1.0 if forces[acting[k]] > 0.0 else -1.0)
+                if relief > 0.0 and abs(forces[acting[k]]) < push * relief:
+                    push, leaves = abs(forces[acting[k]]) / relief, k
+            if push == np.inf:
+                return INFEASIBLE, forces
+            if curvature > _NO_PIVOT * itself:
+                change[:] = own
+                for k in range(m):
+                    for i in range(known):
+                        change[i] -= follow[k] * rows[k, i]
+                for i in range(known):
+                    values[i] += way * push * change[i]
+                out -= way * push * curvature
+            for k in range(m):
+                forces[acting[k]] -= way * push * follow[k]
+            forces[p] += way * push
+            if leaves >= 0:
+                forces[acting[leaves]] = 0.0
+                _leave(acting, rows, inverse, column, m, leaves)
+                m -= 1
+                continue
+            if m == room:
+                return BUSY, forces
+            _enter(acting, rows, inverse, follow, m, p, own, curvature)
+            m += 1
+            out = 0.0
+
+
+@jit
+def _sums(values: np.ndarray, inputs: int, sums: np.ndarray) -> None:
+    """Inputs: running sums of rates over stages."""
+    for j in range(sums.size):
+        sums[j] = values[j] + (sums[j - inputs] if j >= inputs else 0.0)
+
+
+@jit
+def _value(row: np.ndarray, a: int, inputs: int, known: int) -> float:
+    """Entry of limit a in the values that a force moves."""
+    if a < known:
+        return row[a]
+    a -= known
+    total = 0.0
+    for j in range(a % inputs, a + 1, inputs):
+        total += row[j]
+    return total
+
+
+@jit
+def _row(B: np.ndarray, a: int, n: int, inputs: int, row: np.ndarray) -> None:
+    """What a force on limit a moves."""
+    known = row.size
+    if a < known:
+        row[:] = B[a]
+        return
+    a -= known
+    row[:] = 0.0
+    for j in range(a % inputs, a + 1, inputs):
+        for i in range(known):
+            row[i] += B[j, i]
+
+
+@jit
+def _furthest(
+    values: np.ndarray, sums: np.ndarray, lower: np.ndarray, upper: np.ndarray, tol: float
+) -> tuple[int, float]:
+    """The limit that is furthest out, and by how much it has to move; -1 when all are kept."""
+    worst, out, known = -1, tol, values.size
+    for a in range(lower.size):
+        value = values[a] if a < known else sums[a - known]
+        if lower[a] - value > out or value - upper[a] > out:
+            worst, out = a, max(lower[a] - value, value - upper[a])
+    if worst < 0:
+        return -1, 0.0
+    value = values[worst] if worst < known else sums[worst - known]
+    return worst, lower[worst] - value if lower[worst] - value == out else upper[worst] - value
+
+
+@jit
+def _enter(
+    acting: np.ndarray, rows: np.ndarray, inverse: np.ndarray, follow: np.ndarray, m: int, p: int, own: np.ndarray,
+    curvature: float,
+) -> None:  # fmt: skip
+    """Border the inverse of B_WW."""
+    for k in range(m):
+        part = follow[k] / curvature
+        for i in range(m):
+            inverse[k, i] += part * follow[i]
+        inverse[k, m] = inverse[m, k] = -part
+    inverse[m, m] = 1.0 / curvature
+    acting[m] = p
+    rows[m] = own
+
+
+@jit
+def _leave(
+    acting: np.ndarray, rows: np.ndarray, inverse: np.ndarray, column: np.ndarray, m: int, place: int
+) -> None:  # fmt: skip
+    """Reduce it by one limit; the last one takes its place."""
+    last = m - 1
+    for k in range(m):
+        inverse[place, k], inverse[last, k] = inverse[last, k], inverse[place, k]
+    for k in range(m):
+        inverse[k, place], inverse[k, last] = inverse[k, last], inverse[k, place]
+    acting[place] = acting[last]
+    rows[place] = rows[last]
+    for k in range(last):
+        column[k] = inverse[last, k]
+    for k in range(last):
+        part = column[k] / inverse[last, last]
+        for i in range(last):
+            inverse[k, i] -= part * column[i]
+
+
+@jit
+def _afresh(
+    free: np.ndarray, lower: np.ndarray, upper: np.ndarray, acting: np.ndarray, rows: np.ndarray, inverse: np.ndarray,
+    m: int, inputs: int, forces: np.ndarray, values: np.ndarray,
+) -> None:  # fmt: skip
+    """Correct forces by what limits of the basis are off, and values from nothing: rounding does not add up."""
+    known = free.size
+    values[:] = free
+    for k in range(m):
+        for i in range(known):
+            values[i] += forces[acting[k]] * rows[k, i]
+    off = np.empty(m)
+    for k in range(m):
+        limit = lower[acting[k]] if forces[acting[k]] > 0.0 else upper[acting[k]]
+        off[k] = limit - _value(values, acting[k], inputs, known)
+    for k in range(m):
+        correction = 0.0
+        for i in range(m):
+            correction += inverse[k, i] * off[i]
+        forces[acting[k]] += correction
+        for i in range(known):
+            values[i] += correction * rows[k, i]

@@ -1,0 +1,72 @@
+"""The dual active set as a solver: first asked, for steps where no limit acts or up to some hundred do.
+
+The minimum without limits costs two triangular solves; where it breaks none it is the answer. An iteration takes 10 us
+for the (3,1) shell with 20 stages where DAQP, which knows nothing of rates, takes 110.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as sla
+from scipy.linalg.lapack import dpotrs
+
+from tensctl.synthesis import dual
+from tensctl.synthesis.condensed import Condensed
+from tensctl.synthesis.qp import QP, Solution, judged
+
+# Most limits that may act.
+ROOM = 110
+# Largest violation, m, as of `synthesis.qp_daqp`.
+_TOL = 1e-10
+
+
+class DualSolver:
+    """The factor of H, and what forces on limits move.
+
+    Parameters
+    ----------
+    problem : Condensed
+    room : int
+        Most limits that may act before it gives up; at once, where the minimum without limits breaks more.
+    tol : float, m
+        Largest violation.
+    """
+
+    name = "dual"
+
+    def __init__(self, problem: Condensed, room: int = ROOM, tol: float = _TOL) -> None:
+        n, self._inputs = problem.H.shape[0], problem.H.shape[0] // problem.horizon
+        self._room, self._tol = room, tol
+        self._half = np.asfortranarray(np.linalg.cholesky(problem.H))
+        rows = problem.rows
+        self._tensions = rows.shape[0] - n
+        # Rates first, then tensions; rates are the last n rows.
+        self._order = np.concatenate([np.arange(self._tensions, rows.shape[0]), np.arange(self._tensions)])
+        reduced = sla.solve_triangular(self._half, rows[self._order].T, lower=True)
+        self._moves = np.ascontiguousarray(reduced.T @ reduced)
+        still = np.zeros(rows.shape[0])
+        room_for = np.ones(rows.shape[0] + n)
+        dual.search(self._moves, still, -room_for, room_for, self._inputs, 1, tol)  # no step should wait for the kernel
+
+    def solve(self, qp: QP) -> Solution:
+        """Solve with new f and bounds."""
+        free = np.asarray(dpotrs(self._half, -qp.f, lower=1)[0])
+        values = qp.values(free)
+        broken = np.count_nonzero((values < qp.lower) | (values > qp.upper))
+        if not broken:
+            idle = np.zeros(values.size)
+            return Solution(free, idle, "solved", qp.residual(free, idle, values))
+        if broken > self._room:
+            return judged(qp, None, None, "failed")
+        n, order = qp.f.size, qp.f.size + self._order
+        where = np.concatenate([order, np.arange(n)])
+        rates = values[order]
+        ended, forces = dual.search(
+            self._moves, rates, qp.lower[where], qp.upper[where], self._inputs, self._room, self._tol
+        )  # fmt: skip
+        if ended != dual.SOLVED:
+            return judged(qp, None, None, "infeasible" if ended == dual.INFEASIBLE else "failed")
+        inputs = rates[:n].reshape(-1, self._inputs).cumsum(axis=0).ravel()
+        multipliers = np.empty(forces.size)
+        multipliers[where] = -forces
+        return judged(qp, inputs, multipliers, "solved")
