@@ -15,7 +15,7 @@ import argparse
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
@@ -29,6 +29,8 @@ from step_cost import right_hand_side
 import tensctl as tc
 from tensctl.elements import Hold, rod_acceleration
 from tensctl.jit import jit
+from tensctl.model.constraints import Constraints
+from tensctl.model.joint_kernel import constrain
 from tensctl.model.kernel import accelerations
 
 _PUSH = {"node": "P4_1_1", "force": [5.0, 0.0, 0.0], "from": 0.0, "to": 0.1}
@@ -204,7 +206,7 @@ def kernel_times(dynamics: tc.Dynamics, q: np.ndarray, v: np.ndarray) -> tuple[f
 
 
 def structural_rows() -> list[list[str]]:
-    """What a structure does not have: the flag for cables, the third dimension; each beside the model that has it."""
+    """What a structure does not have: cables, joints, the third dimension; each beside the model that has it."""
     plain = tc.build_dynamics(scene_with())
     q, rest = plain.rod_coordinates(plain.structure.nodes), plain.members.rest_lengths
     v, count = 0.3 * np.random.default_rng(5).standard_normal(q.shape), 20_000
@@ -225,7 +227,58 @@ def structural_rows() -> list[list[str]]:
         f"{whole / lean:.2f}x",
         f"{gap:.0e}",
     ]
-    return [cables, _planar_row()]
+    return [cables, _joints_row(), _planar_row()]
+
+
+def _joints_row() -> list[str]:
+    """The mast with its base pinned, and as free rods whose ends joints hold to the ground: multipliers of 9 rows."""
+    free, pinned = tc.build_dynamics(scene_with()), tc.build_dynamics(scene_with("pins"))
+    jointed = replace(free)
+    jointed.__dict__["constraints"] = _held_by_rows(pinned)
+    nodes, velocities = states(pinned)
+    cost, found = [], []
+    for dynamics in (pinned, jointed):
+        x = np.stack([dynamics.pack(*pair) for pair in zip(nodes, velocities, strict=True)], axis=1)
+        value, spent = timed(dynamics.f, [x, *(np.zeros((dynamics.f.size1_in(i), _STATES)) for i in (1, 2))])
+        terms = dynamics.explain().terms
+        cost.append((sum(term.operations or 0 for term in terms if term.included), spent))
+        found.append(np.stack([dynamics.unpack(column)[1] for column in value.T[:50]]))
+    gap = np.abs(found[0] - found[1]).max() / np.abs(found[1]).max()
+    lean, whole = _joint_times(pinned, nodes[0], velocities[0]), _joint_times(jointed, nodes[0], velocities[0])
+    gap = max(gap, np.abs(lean[1] - whole[1]).max() / np.abs(whole[1]).max())
+    times = (
+        f"{1e6 * cost[0][1]:.2f} / {1e6 * cost[1][1]:.2f}; kernel {1e6 * lean[0]:.3f} / {1e6 * whole[0]:.3f}",
+        f"{cost[1][1] / cost[0][1]:.2f}x; kernel {whole[0] / lean[0]:.2f}x",
+    )
+    return ["no joints, (3,1) mast on its pins", f"{cost[0][0]} / {cost[1][0]} (`explain`)", *times, f"{gap:.0e}"]
+
+
+def _held_by_rows(pinned: tc.Dynamics) -> Constraints:
+    """Pins as rows of joints on the coordinates of rod ends."""
+    structure = pinned.structure
+    rod, side = np.nonzero(structure.held.all(axis=1)[structure.rods])
+    first = (6 * rod[:, None] + 3 * side[:, None] + np.arange(3)).ravel()
+    target = structure.nodes[structure.rods[rod, side]].ravel()
+    return Constraints.profiled(first, np.full(first.size, -1), target)
+
+
+@jit
+def _with_joints(data, q, v, rest, external, result, count):
+    values, mu = np.zeros(data.place[-1]), np.zeros(data.first.size)
+    for _ in range(count):
+        result[:] = 0.0
+        accelerations(data, q, v, rest, external, result)
+        if mu.size > 0:
+            constrain(data, q, result, values, mu)
+
+
+def _joint_times(dynamics: tc.Dynamics, nodes: np.ndarray, velocities: np.ndarray) -> tuple[float, np.ndarray]:
+    """Time of one right-hand side of the kernel, s, and its accelerations."""
+    q, v, members = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities), dynamics.members
+    given = (dynamics.kernel, q, v, members.rest_lengths, members.forces, np.zeros_like(q))
+    _with_joints(*given, 1)
+    count = 20_000
+    return _least(lambda: _with_joints(*given, count)) / count, given[-1]
 
 
 def _planar_row() -> list[str]:

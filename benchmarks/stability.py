@@ -23,6 +23,10 @@ from motions import MOTIONS, TIMES, Motion, distance, kicked, released, scene
 import tensctl as tc
 from tensctl.errors import SimulationError
 from tensctl.simulation import momenta, total_energy
+from tensctl.simulation.integrators.tables import LONG, TABLES
+
+# How long a trial runs that tells how many steps a second of motion takes, s; the first second has fewer than most.
+_TRIAL = 20.0
 
 
 @dataclass(frozen=True)
@@ -107,23 +111,23 @@ def long_taut() -> Row:
     """Steps without end on a motion that stays taut: rounding walks, nothing else may."""
     motion = standing(kicked("long", "", scene(3, 1), 0.05))
     # Rounding of 1e7 steps walks to about 1e7^(1/2) eps = 7e-13; a systematic loss would reach 1e7 eps = 2e-9.
-    return _long("1e7 steps, taut", motion, 1e7, drift=1e-11)
+    return _long("1e7 steps, taut", motion, 1e7, LONG[4].drifts.size, drift=1e-11)
 
 
 def long_switching() -> Row:
     """Steps without end with slack-taut switches; energy is kept as well as switches are met."""
-    return _long("1e6 steps, switching", MOTIONS["switching_3_1"](), 1e6, drift=1e-6)
+    return _long("1e6 steps, switching", MOTIONS["switching_3_1"](), 1e6, TABLES[4].drifts.size, drift=1e-6)
 
 
-def _long(name: str, motion: Motion, steps: float, drift: float) -> Row:
-    trial = simulated(motion, np.array([0.0, 1.0]), tol=1e-6, method="splitting4")
-    # Six force evaluations a step of the order 4 table; some more where a switch is landed on.
-    end = steps / (trial.evaluations / 6)
+def _long(name: str, motion: Motion, steps: float, flights: int, drift: float) -> Row:
+    """Steps are force evaluations over a table's flights: trials of a landing count, as they cost what a step does."""
+    trial = simulated(motion, np.array([0.0, _TRIAL]), tol=1e-6, method="splitting4")
+    end = _TRIAL * steps * flights / trial.evaluations
     began = time.process_time()
     run = simulated(motion, np.linspace(0, end, 401), tol=1e-6, method="splitting4")
     seconds = time.process_time() - began
     moved = secular(energy_of(motion.dynamics, run))
-    remark = f"{run.evaluations / 6:.2g} steps, {end:.2g} s of motion, {run.switches} switches, {seconds:.0f} s"
+    remark = f"{run.evaluations / flights:.2g} steps, {end:.2g} s of motion, {run.switches} switches, {seconds:.0f} s"
     found = (*kept(motion, run, 1e-6), Found("energy, half against half", moved, drift))
     return Row(name, "free (3,1), tol 1e-6", found, remark)
 

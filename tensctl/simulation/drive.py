@@ -91,3 +91,14 @@ def drive_rate(drive, t, rest_rate, load_rate):
             swing = omega * np.cos(omega * t + drive.wave_phase[w])
             for i in range(3):
                 load_rate[3 * drive.wave_node[w] + i] += swing * drive.wave_force[w, i]
+
+
+@bare
+def drive_bend(drive, t, time):
+    """Most that a rest length can leave its values at both ends of a time from t on, within it, m: by its lag alone."""
+    if not drive.ramped:
+        return 0.0
+    farthest = 0.0
+    for k in range(drive.lag.size):
+        farthest = max(farthest, abs(drive.lag[k]))
+    return farthest * np.exp(-(t - drive.start) / drive.tau) * min(1.0, 0.125 * (time / drive.tau) ** 2)

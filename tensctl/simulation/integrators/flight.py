@@ -1,9 +1,11 @@
 """Exact motion of rods on which nothing acts, and the kick of a force: the two flows that splittings compose.
 
-    flight   q1 += h v1,   q2 <- c q2 + h s v2,   v2 <- c v2 - (x^2 s/h) q2,   x = h |v2|/L,  c = cos x,  s = sin x/x
+    flight   q1 += h v1,   q2 += h s v2 - b q2,   v2 -= (x^2 s/h) q2 + b v2
+             x = h |v2|/L,   b = 1 - cos x,   s = sin x/x
     kick     v += h a(q)
 
-Both cosine and sine are power series in x^2, so short flights need neither a square root nor a division.
+Both b and s are power series in x^2, so short flights need neither a square root nor a division. What changes is added
+last: a cosine that is rounded next to one loses the same part of every slow turn, and angular momentum with it.
 """
 
 from __future__ import annotations
@@ -55,10 +57,16 @@ def turn(n, over, direction, rate, h):
         x, y, z = direction[r], direction[n + r], direction[two + r]
         a, b, d = rate[r], rate[n + r], rate[two + r]
         spin = over[r] * (a * a + b * b + d * d)
-        c, s = cosine(h * h * spin), sine(h * h * spin)
+        back, s = versine(h * h * spin), sine(h * h * spin)
         ahead, fall = h * s, h * s * spin
-        direction[r], direction[n + r], direction[two + r] = c * x + ahead * a, c * y + ahead * b, c * z + ahead * d
-        rate[r], rate[n + r], rate[two + r] = c * a - fall * x, c * b - fall * y, c * d - fall * z
+        direction[r] = x + (ahead * a - back * x)
+        direction[n + r] = y + (ahead * b - back * y)
+        direction[two + r] = z + (ahead * d - back * z)
+        rate[r], rate[n + r], rate[two + r] = (
+            a - (fall * x + back * a),
+            b - (fall * y + back * b),
+            d - (fall * z + back * d),
+        )
 
 
 @part
@@ -70,20 +78,25 @@ def turn_far(n, over, direction, rate, h):
         a, b, d = rate[r], rate[n + r], rate[two + r]
         spin = over[r] * (a * a + b * b + d * d)
         angle = abs(h) * np.sqrt(spin)
-        c, s = np.cos(angle), np.sin(angle) / angle if angle > 0.0 else 1.0
+        back, s = 1.0 - np.cos(angle), np.sin(angle) / angle if angle > 0.0 else 1.0
         ahead, fall = h * s, h * s * spin
-        direction[r], direction[n + r], direction[two + r] = c * x + ahead * a, c * y + ahead * b, c * z + ahead * d
-        rate[r], rate[n + r], rate[two + r] = c * a - fall * x, c * b - fall * y, c * d - fall * z
+        direction[r] = x + (ahead * a - back * x)
+        direction[n + r] = y + (ahead * b - back * y)
+        direction[two + r] = z + (ahead * d - back * z)
+        rate[r], rate[n + r], rate[two + r] = (
+            a - (fall * x + back * a),
+            b - (fall * y + back * b),
+            d - (fall * z + back * d),
+        )
 
 
 @part
-def cosine(t):
-    """Cos sqrt(t) by its series, in pairs of terms, which take half as long as one after another."""
+def versine(t):
+    """1 - cos sqrt(t) by its series, in pairs of terms, which take half as long as one after another."""
     t2 = t * t
-    t4 = t2 * t2
-    low = (1.0 - (1 / 2) * t) + t2 * ((1 / 24) - (1 / 720) * t)
-    high = ((1 / 40320) - (1 / 3628800) * t) + t2 * ((1 / 479001600) - (1 / 87178291200) * t)
-    return low + t4 * high
+    low = ((1 / 2) - (1 / 24) * t) + t2 * ((1 / 720) - (1 / 40320) * t)
+    high = ((1 / 3628800) - (1 / 479001600) * t) + t2 * (1 / 87178291200)
+    return t * (low + t2 * t2 * high)
 
 
 @part

@@ -15,6 +15,7 @@ import numpy as np
 
 from tensctl.jit import bare, part
 from tensctl.model.kernel import springs
+from tensctl.simulation.drive import drive_bend
 from tensctl.simulation.integrators.kept import opened
 from tensctl.simulation.integrators.leap import Moment, copy_moment, leap, rates_at, refresh
 from tensctl.simulation.integrators.rows import fill, take
@@ -158,8 +159,7 @@ def march(brief, wide, journey, q, v, times, step, stride, order, locate, stop, 
         work.on[j] = 1.0 if now.gap[j] > 0.0 or not locate else 0.0
     springs(rows, work.rest, work.on, work.spring)
     refresh(brief, t, now)
-    evaluations, switches, since, stuck, rates_known = 2, 0, _PROBE, 0, False
-    wary = 1 if drive.ramped else 0
+    evaluations, switches, since, stuck, wary, rates_known = 2, 0, _PROBE, 0, 0, False
     turning, speed = pace(rows, now.v)
     while t < t_end:
         goal = times[k] if stop else t_end
@@ -173,7 +173,8 @@ def march(brief, wide, journey, q, v, times, step, stride, order, locate, stop, 
         evaluations += cost
         before, apart = speed, h * opened(scene).table.widest
         turning, speed = pace(rows, now.v)
-        near = within(work.closest, _FAR * unseen(max(before, speed), max(limits[2], turning), apart)) > 0
+        hidden = unseen(max(before, speed), max(limits[2], turning), apart) + drive_bend(drive, t, apart)
+        near = within(work.closest, _FAR * hidden) > 0
         if long and near:
             copy_moment(start, now)
             turning, speed = pace(rows, now.v)
@@ -196,13 +197,10 @@ def march(brief, wide, journey, q, v, times, step, stride, order, locate, stop, 
                 copy_moment(other, now)
                 turning, speed = pace(rows, now.v)
         taken, tendon = h, -1
-        if not drive.ramped:
-            wary = _WARY if near else max(0, wary - 1)
+        wary = _WARY if near else max(0, wary - 1)
         if locate:
-            rated = rates_known
-            rates_known = drive.ramped or near
-            if rates_known:
-                if not rated:
+            if near:
+                if not rates_known:
                     rates_at(scene, t, start)
                 rates_at(scene, t + h, now)
                 left, _, _ = first_to_leave(work.on, work.rest, start.gap, start.rate, now.gap, now.rate, h)
@@ -210,6 +208,7 @@ def march(brief, wide, journey, q, v, times, step, stride, order, locate, stop, 
                     taken, tendon, tried = settle(scene, t, h, start, now)
                     evaluations += cost * tried
                     turning, speed = pace(rows, now.v)
+            rates_known = near
             stuck = stuck + 1 if taken < 1e-12 * step else 0
             if stuck > _LANDINGS:
                 return STUCK, t, step, evaluations, switches
