@@ -36,6 +36,7 @@ from tensctl.synthesis.qp_solvers import SOLVERS
 from tensctl.threads import one_blas_thread
 
 _STIFFER = 1e9
+_MARKS = "oPX^sDv"
 Case = tuple[tc.MPC, Heard]
 
 
@@ -134,15 +135,13 @@ def plot(rows: list[dict]) -> None:
                 key = (case, horizon, floors, name)
                 own = [r for r in rows if (r["case"], r["horizon"], r["floors"], r["solver"]) == key]
                 points = [(1e3 * r["seconds"], max(r["worst_error"], 1e-16)) for r in own if r["worst_error"] >= 0]
-                axes.loglog(
-                    *np.reshape(points, (-1, 2)).T, "oPX^sDv"[k] + dash, color=f"C{k}", markersize=4, linewidth=1
-                )
+                axes.loglog(*np.reshape(points, (-1, 2)).T, _MARKS[k] + dash, color=f"C{k}", markersize=4, linewidth=1)
         axes.set_title(f"{case}, floors {floors}", fontsize=9)
         axes.grid(visible=True, which="major", alpha=0.3)
     figure.supxlabel("processor time of a solve, median, ms; N = 10 whole lines, N = 20 dashed", fontsize=9)
     figure.supylabel("worst error of the first input over its reach in a period", fontsize=9)
-    handles = [plt.Line2D([], [], marker="oPs^Dv"[k], color=f"C{k}", label=name) for k, name in enumerate(names)]
-    figure.legend(handles=handles, loc="outside upper center", ncols=5, fontsize=8)
+    handles = [plt.Line2D([], [], marker=_MARKS[k], color=f"C{k}", label=name) for k, name in enumerate(names)]
+    figure.legend(handles=handles, loc="outside upper center", ncols=7, fontsize=8)
     figure.savefig(page.DOCS / "images" / "mpc_solvers.svg", metadata={"Date": None})
 
 
