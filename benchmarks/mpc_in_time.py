@@ -84,16 +84,17 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--docs", action="store_true", help="renew the table of docs/mpc.md")
     arguments.add_argument("--steps", type=int, default=10_000)
-    asked = arguments.parse_args()
+    given = arguments.parse_args()
     scene = tc.Scene(structure=tc.shell(3, 1), tendons={"stiffness": 100.0, "rest_ratio": 0.8})
     dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
     linear = tc.linearize(dynamics, rest, outputs=())
-    times = DT * np.arange(asked.steps)
+    times = DT * np.arange(given.steps)
     loads, rows = pushes(dynamics.structure.node_labels, float(times[-1])), []
     for name, work in (("bounded", None), ("to the end", 1e10)):
         mpc = tc.MPC(linear, horizon=HORIZON, dt=DT, rate_max=RATE)
         if work is not None:
-            mpc._piece(0)._solvers["primal", True] = PrimalSolver(mpc.problem, soft=True, work=work)
+            asked = mpc.problem
+            mpc._piece(0)._solvers["primal", True] = PrimalSolver(asked.H, asked.rows, HORIZON, soft=True, work=work)
         controller = Timed(mpc)
         run = tc.simulate(dynamics, rest, controller=controller, timepts=times, pushes=loads, rate_max=RATE)
         rows += rows_of(name, controller, run, rest)
@@ -110,7 +111,7 @@ def main() -> None:
         "lengths off, mm",
         "missing, N",
     ]
-    if asked.docs:
+    if given.docs:
         page.write("mpc.md", {"in time": page.table(head, rows)})
 
 

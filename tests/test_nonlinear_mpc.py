@@ -260,6 +260,7 @@ class TestLoop:
         failed = Solution(None, None, "failed", np.inf)
         for solver in ("solve_lazily", "solve_dense"):
             monkeypatch.setattr(f"tensctl.synthesis.qp_anew.{solver}", lambda *_, **__: failed)
+        monkeypatch.setattr("tensctl.synthesis.qp_anew.PrimalSolver.solve", lambda *_: failed)
         later = tc.Measurement(seen.nodes, seen.velocities, seen.lengths, seen.tensions, plan[0])
         assert np.abs(controller.step(DT, later) - plan[1]).max() < 1e-15
         assert controller.records[-1].status == "fallback"

@@ -143,7 +143,7 @@ class TestController:
         """Most rates are at their limits; the answer is the dual active set's."""
         problem, _, hard = steering.statement(0.0, hopeless)
         soft = relax(hard, HORIZON)
-        found = PrimalSolver(problem, soft=True, work=1e10).solve(soft)
+        found = PrimalSolver(problem.H, problem.rows, HORIZON, soft=True, work=1e10).solve(soft)
         other = DaqpSolver(soft).solve(soft)
         assert found.status == "solved"
         assert found.kkt < 1e-11
@@ -152,13 +152,13 @@ class TestController:
 
     def test_without_slacks_it_says_that_there_is_none(self, steering, hopeless):
         problem, _, hard = steering.statement(0.0, hopeless)
-        assert PrimalSolver(problem, soft=False, work=1e10).solve(hard).status == "infeasible"
+        assert PrimalSolver(problem.H, problem.rows, HORIZON, soft=False, work=1e10).solve(hard).status == "infeasible"
 
     def test_bounded_work_is_told(self, mast, steering, hopeless, monkeypatch):
         """The command keeps its limits, the plan costs no more than the one before, and the record says bounded."""
         problem, limits, hard = steering.statement(0.0, hopeless)
         ask = Piece.ask
-        short = PrimalSolver(problem, soft=True, work=1e5)
+        short = PrimalSolver(problem.H, problem.rows, HORIZON, soft=True, work=1e5)
         monkeypatch.setattr(
             Piece,
             "ask",
@@ -171,16 +171,16 @@ class TestController:
         assert record.relaxed == pytest.approx(limits.shortfall(problem, steering.state()["plan"] - limits.about))
         soft = relax(hard, HORIZON)
         stay = replace(soft, guess=hard.guess)
-        first = PrimalSolver(problem, soft=True, work=0.0).solve(stay)
+        first = PrimalSolver(problem.H, problem.rows, HORIZON, soft=True, work=0.0).solve(stay)
         assert soft.objective(short.solve(soft).z) < soft.objective(first.z)
 
     def test_a_plan_to_go_on_from_saves_work(self, mast, steering, hopeless):
         """From the optimum itself next to nothing is left to do."""
         problem, _, hard = steering.statement(0.0, hopeless)
         soft = relax(hard, HORIZON)
-        optimum = PrimalSolver(problem, soft=True, work=1e10).solve(soft)
+        optimum = PrimalSolver(problem.H, problem.rows, HORIZON, soft=True, work=1e10).solve(soft)
         again = replace(soft, guess=optimum.z[: hard.f.size])
-        found = PrimalSolver(problem, soft=True, work=2e6).solve(again)
+        found = PrimalSolver(problem.H, problem.rows, HORIZON, soft=True, work=2e6).solve(again)
         assert found.status == "solved"
-        assert PrimalSolver(problem, soft=True, work=2e6).solve(soft).status == "bounded"
+        assert PrimalSolver(problem.H, problem.rows, HORIZON, soft=True, work=2e6).solve(soft).status == "bounded"
         assert np.abs(found.z - optimum.z).max() < 1e-10

@@ -174,7 +174,8 @@ class NonlinearMPC:
         rollout = self._roll(nodes, velocities, now, plan)
         measure, ahead = self._measure(self.reference.knot_at(t)), self._ahead(t)
         bounds = self._bounds(t, now)
-        return gauss_newton(measure, self._wanted(t, measure), rollout, plan - ahead, bounds)
+        qp = gauss_newton(measure, self._wanted(t, measure), rollout, plan - ahead, bounds)
+        return replace(qp, guess=(plan - ahead).ravel())
 
     def _when_it_acts(self, measurement: Measured) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Nodes, velocities and inputs when the next command begins to act: the one under way is rolled out."""

@@ -21,8 +21,6 @@ _FEASIBLE = 1e-10
 _INFEASIBLE = -1
 # DAQP's marks of a row that acts at the start, at its upper and at its lower bound.
 _UPPER, _LOWER = 1, 3
-# Iterations of the active set after which an interior point is as fast: some 200 limits act then.
-PATIENT = 600
 # Rounds of taking rows in; six were the most seen.
 _ROUNDS = 50
 

@@ -14,7 +14,6 @@ from jaxtyping import Float
 
 from tensctl.synthesis import primal
 from tensctl.synthesis.bordered import Form
-from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.qp import QP, Solution, judged
 from tensctl.synthesis.relaxed import Relaxed
 
@@ -34,7 +33,11 @@ class PrimalSolver:
 
     Parameters
     ----------
-    problem : Condensed
+    H : (n, n)
+        Of inputs, stage by stage.
+    rows : (r, n)
+        Tensions stage by stage, then rates.
+    stages : int
     soft : bool
         Whether it is asked problems with slacks; without them it says when none are needed.
     work : float
@@ -45,20 +48,28 @@ class PrimalSolver:
 
     name = "primal"
 
-    def __init__(self, problem: Condensed, *, soft: bool, work: float = WORK, tol: float = _TOL) -> None:
-        self._stages, self._soft, self._work, self._tol = problem.horizon, soft, work, tol
-        n = problem.H.shape[0]
-        self._relaxed = Relaxed.of(problem.H, problem.rows, problem.horizon)
-        tensions = problem.rows.shape[0] - n
-        by_rate = np.ascontiguousarray(self._summed(problem.rows[:tensions].T))
-        G = self._summed(self._summed(problem.H).T)
+    def __init__(
+        self,
+        H: Float[np.ndarray, "n n"],
+        rows: Float[np.ndarray, "r n"],
+        stages: int,
+        *,
+        soft: bool,
+        work: float = WORK,
+        tol: float = _TOL,
+    ) -> None:
+        self._stages, self._soft, self._work, self._tol = stages, soft, work, tol
+        n, tensions = H.shape[0], rows.shape[0] - H.shape[0]
+        self._relaxed = Relaxed.of(H, rows, stages)
+        by_rate = np.ascontiguousarray(self._summed(rows[:tensions].T))
+        G = self._summed(self._summed(H).T)
         self._form = Form(
             np.ascontiguousarray(0.5 * (G + G.T)), np.ascontiguousarray(by_rate.T), by_rate, self._relaxed.curvature,
-            problem.horizon,
+            stages,
         )  # fmt: skip
-        rates, rows = np.ones(n), np.ones(tensions)
-        rest = primal.Step(0 * rates, 0.0, -rates, rates, -rows, -rates, rates)
-        primal.search(self._form, rest, 0 * rates, 1, tol, 0.0)  # no control step should wait for the kernel
+        wide, floors = np.ones(n), -np.ones(tensions)
+        rest = primal.Step(0 * wide, 0.0, -wide, wide, floors, -wide, wide)
+        primal.search(self._form, rest, 0 * wide, 1, tol, 0.0)  # no control step should wait for the kernel
 
     def solve(self, qp: QP) -> Solution:
         """Solve with new f and bounds."""

@@ -78,7 +78,9 @@ def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None =
     if name == "primal":
         from tensctl.synthesis.qp_primal import PrimalSolver
 
-        return PrimalSolver(problem, soft=soft, **(asked | {"work": 1e10} if asked else {}))
+        return PrimalSolver(
+            problem.H, problem.rows, problem.horizon, soft=soft, **(asked | {"work": 1e10} if asked else {})
+        )
     if name == "daqp":
         from tensctl.synthesis.qp_daqp import QUICK, DaqpSolver
 
