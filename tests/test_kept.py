@@ -90,3 +90,17 @@ def test_caches_name_no_class_of_the_tests():
     look = "import numpy as np; from tensctl.simulation.integrators.kept import Kept; Kept((np.ones(3), 2.0)); print(1)"
     done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "1"
+
+
+def test_is_renewed_in_place():
+    """What is kept inside another shows its new value there; one of another form is refused and changes nothing."""
+    inner = Kept((np.zeros(1),))
+    outer = Kept(((np.arange(5.0), True), np.array([4, 0, 2], dtype=np.uint64), 0.5, inner))
+    address, sums = inner.address, np.full(1, 10.0)
+    assert inner.renew((sums,))
+    assert inner.address == address
+    assert run(outer) == [2.0, 0.0, 1.0]
+    assert sums[0] == 13.0
+    assert not inner.renew((np.zeros((1, 1)),))
+    run(outer)
+    assert sums[0] == 16.0

@@ -241,6 +241,28 @@ def thrown():
     return dynamics, tc.simulate(dynamics, (nodes, velocities), t_end=2.0)
 
 
+class TestDrives:
+    @pytest.mark.parametrize("law", [{"stiffness": 100.0}, {"EA": 100.0}])
+    def test_nothing_is_left_of_an_earlier_drive(self, law):
+        """One integrator under still, ramped and swept drives, one after the other and back, and a new one for each."""
+        dynamics, start = taut_motion(tendons=law | {"rest_ratio": 0.8})
+        still = Drive.constant(dynamics.members.rest_lengths, dynamics.members.forces)
+        ramped = still._replace(rate=np.full_like(still.rest, -0.02), ramped=True)
+        wave = np.array([4], np.int64), np.array([[1.0, 0.0, 2.0]]), np.array([9.0]), np.array([0.3])
+        swept = still._replace(force=still.force + 0.1, wave_node=wave[0], wave_force=wave[1], wave_omega=wave[2],
+                               wave_phase=wave[3], swept=True)  # fmt: skip
+        heavy = still._replace(force=still.force - 0.2, rest=0.99 * still.rest)
+        states = []
+        for fresh in (False, True):
+            plant = Splitting.fitted(dynamics, 6, 1e-8, 30.0)
+            q, v = dynamics.rod_coordinates(start[0]), dynamics.rod_coordinates(start[1])
+            for drive in (still, ramped, heavy, swept, still, swept, ramped, still):
+                plant = Splitting.fitted(dynamics, 6, 1e-8, 30.0) if fresh else plant
+                plant.march(q, v, np.array([0.0, 0.05]), drive, *(np.empty((2, *q.shape)) for _ in range(2)))
+            states.append(np.hstack([q, v]))
+        assert (states[0] == states[1]).all()
+
+
 class TestConservation:
     def test_energy(self, thrown):
         dynamics, run = thrown

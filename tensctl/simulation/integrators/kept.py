@@ -5,7 +5,7 @@
 
 An empty kernel that is given the arrays of a splitting takes 7.6 us, as long as two or three steps of the (3,1) shell;
 with a `Kept` it takes less than 2 us. Its arrays are those that it was given, not copies: what is written into them on
-either side is seen on the other.
+either side is seen on the other. What changes often is best kept on its own within what does not, and renewed.
 
 Classes of tuples must be the package's own: numba's cache names them, and cannot be read where they cannot be imported.
 """
@@ -41,6 +41,15 @@ class Kept:
         self._room = np.zeros(size, np.uint8)
         self.address = self._room.ctypes.data
         _write(self, value)
+
+    def renew(self, value: Any) -> bool:
+        """Keep another value at the same address, if its form is the same; whether it is."""
+        if not _PLAIN:
+            if _kind_of(value)[0] != self._numba_type_:
+                return False
+            _write(self, value)
+        self.value = value
+        return True
 
     def __reduce__(self) -> tuple:
         return Kept, (self.value,)  # a copy has its own address, and copies of the arrays

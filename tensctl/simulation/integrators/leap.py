@@ -75,22 +75,22 @@ class Scene(NamedTuple):
     Attributes
     ----------
     rows : Rows
-    drive : Drive
+    drive : Kept of Drive
     work : Scratch
     table : Table
     """
 
     rows: Rows
-    drive: Drive
+    drive: Kept
     work: Scratch
     table: Table
 
 
 def scenes(
-    rows: Rows, anchor: np.ndarray, drive: Drive, tables: tuple[Table, Table], *, frozen: bool
+    rows: Rows, anchor: np.ndarray, drive: Kept, tables: tuple[Table, Table], *, frozen: bool
 ) -> tuple[Kept, Kept]:
     """A scene with each of two tables, and the room that both work in."""
-    work = scratch(rows, anchor, drive, frozen=frozen)
+    work = scratch(rows, anchor, frozen=frozen)
     return Kept(Scene(rows, drive, work, tables[0])), Kept(Scene(rows, drive, work, tables[1]))
 
 
@@ -103,15 +103,27 @@ def moment(rows: Rows) -> Moment:
     return Moment(q, v, push, gap, rate, whole)
 
 
-def scratch(rows: Rows, anchor: np.ndarray, drive: Drive, *, frozen: bool) -> Scratch:
-    """Room to work in, with rest lengths and loads that do not change already in place."""
-    on, spring, closest, rest_rate = (np.zeros_like(drive.rest) for _ in range(4))
-    nodal, nodal_rate = (np.zeros(drive.force.size) for _ in range(2))
-    speed, force = (np.zeros(rows.size) for _ in range(2))
+def scratch(rows: Rows, anchor: np.ndarray, *, frozen: bool) -> Scratch:
+    """Room to work in; `begin` makes it ready for a drive."""
+    on, spring, closest, rest, rest_rate = (np.zeros(rows.stiffness.size) for _ in range(5))
+    nodal, nodal_rate = (np.zeros(anchor.size) for _ in range(2))
+    load, speed, force = (np.zeros(rows.size) for _ in range(3))
     return Scratch(
-        on, spring, closest, drive.rest.copy(), rest_rate, rows.nodal(drive.force), nodal, nodal_rate,
-        rows.nodal(anchor), speed, force, -np.inf if frozen else 0.0,
+        on, spring, closest, rest, rest_rate, load, nodal, nodal_rate, rows.nodal(anchor), speed, force,
+        -np.inf if frozen else 0.0,
     )  # fmt: skip
+
+
+@bare
+def begin(scene):
+    """Put rest lengths and loads in place that do not change; nothing is left of what an earlier drive changed."""
+    rows, kept, work, _ = opened(scene)
+    drive = opened(kept)
+    for k in range(work.rest.size):
+        work.rest[k], work.rest_rate[k] = drive.rest[k], 0.0
+    for a in range(rows.where.size):
+        for i in range(3):
+            work.load[rows.where[a] + i * rows.row] = drive.force[a, i]
 
 
 @bare
@@ -150,13 +162,14 @@ def push_at(rows, drive, t, now, work):
 def refresh(scene, t, now):
     """`push_at` on its own."""
     rows, drive, work, _ = opened(scene)
-    push_at(rows, drive, t, now, work)
+    push_at(rows, opened(drive), t, now, work)
 
 
 @bare
 def rates_at(scene, t, now):
     """How fast gaps grow at time t."""
-    rows, drive, work, _ = opened(scene)
+    rows, kept, work, _ = opened(scene)
+    drive = opened(kept)
     if drive.ramped:
         drive_rate(drive, t, work.rest_rate, work.nodal_rate)
     place_rows(rows, now.q, work.place)
@@ -178,8 +191,8 @@ def watch(work, gap):
 @bare
 def leap(scene, t, h, now):
     """Take one step of length h from time t; `now.push` is that of the start, and of the end afterwards."""
-    rows, drive, work, table = opened(scene)
-    kicks, drifts, _ = table
+    rows, kept, work, table = opened(scene)
+    drive, (kicks, drifts, _) = opened(kept), table
     for j in range(work.closest.size):
         work.closest[j] = np.inf
     watch(work, now.gap)

@@ -17,7 +17,7 @@ from tensctl.jit import bare, part
 from tensctl.model.kernel import springs
 from tensctl.simulation.drive import drive_bend
 from tensctl.simulation.integrators.kept import opened
-from tensctl.simulation.integrators.leap import Moment, copy_moment, leap, rates_at, refresh
+from tensctl.simulation.integrators.leap import Moment, copy_moment, leap, rates_at, refresh, begin
 from tensctl.simulation.integrators.rows import fill, take
 from tensctl.simulation.integrators.switching import change_over, first_to_leave, settle
 
@@ -149,9 +149,11 @@ def march(brief, wide, journey, q, v, times, step, stride, order, locate, stop, 
     status, time reached, step, evaluations, switches
     """
     start, now, other, limits = opened(journey)
-    rows, drive, work, table = opened(brief)
+    rows, kept, work, table = opened(brief)
+    drive = opened(kept)
     t, t_end, k = times[0], times[-1], 1
     stages, more = table.drifts.size, opened(wide).table.drifts.size
+    begin(brief)
     fill(rows, q, now.q)
     fill(rows, v, now.v)
     refresh(brief, t, now)

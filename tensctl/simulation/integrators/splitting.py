@@ -72,7 +72,7 @@ class Splitting:
     evaluations: int = 0
     switches: int = 0
     local_errors: float = np.nan
-    _kept: tuple[Drive, tuple[Kept, Kept]] | None = field(default=None, init=False, repr=False)
+    _kept: tuple[Kept, tuple[Kept, Kept]] | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def fitted(
@@ -116,11 +116,10 @@ class Splitting:
         return Kept(Journey(moment(self._rows), moment(self._rows), moment(self._rows), limits))
 
     def _scenes(self, drive: Drive) -> tuple[Kept, Kept]:
-        """Scenes with room to work in, kept for as long as the drive is the same."""
-        if self._kept is None or self._kept[0] is not drive:
-            anchor = self.dynamics.layout.anchor
-            tables = TABLES[self.order], LONG[self.order]
-            self._kept = drive, scenes(self._rows, anchor, drive, tables, frozen=self.locate)
+        """Scenes with this drive and room to work in, made once for all drives of one form."""
+        if self._kept is None or not (self._kept[0].value is drive or self._kept[0].renew(drive)):
+            anchor, kept, tables = self.dynamics.layout.anchor, Kept(drive), (TABLES[self.order], LONG[self.order])
+            self._kept = kept, scenes(self._rows, anchor, kept, tables, frozen=self.locate)
         return self._kept[1]
 
 
