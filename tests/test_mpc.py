@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.optimize
-from support import random_motion, shell_scene, solved
+from support import random_motion, replaced, shell_scene, solved
 
 import tensctl as tc
 from tensctl.simulation import Measurement
@@ -441,6 +441,34 @@ class TestMistakes:
         _, _, linear = solved(shell_scene(pins=["P1_*_1"], actuators={"tendons": ["t5_1_1"]}))
         with pytest.raises(tc.SynthesisError, match="Riccati equation"):
             tc.MPC(linear, horizon=3)
+
+
+class TestUnlimited:
+    """The minimum without limits, which is a linear function of the start and of what is wanted."""
+
+    @pytest.mark.parametrize("followed", [False, True])
+    def test_it_is_the_minimum(self, mast, followed):
+        linear, wanted = mast[2], {}
+        if followed:
+            weights = tc.Weights(energy=0.1, outputs={"nodes:P4_1_1_z": 1e-3})
+            wanted = {"weights": weights, "signal": lambda t: np.array([mast[1].nodes.max() + 0.01 * t])}
+        controller = tc.MPC(linear, horizon=6, **wanted)
+        problem, _, qp = controller.statement(0.3, disturbed(mast, *LIVELY))
+        assert qp.free is not None
+        z = qp.free[: qp.f.size]
+        assert np.abs(qp.free - qp.values(np.linalg.solve(qp.H, -qp.f))).max() < 1e-12 * np.abs(z).max()
+        assert np.abs(qp.H @ z + qp.f).max() < 1e-12 * np.abs(qp.f).max()
+        assert problem.unlimited.shape == (qp.upper.size, qp.start.size + 6 * followed)
+
+    def test_a_solver_that_is_not_told_finds_it(self, mast, controller):
+        """The same answer to rounding, and where limits act the same steps."""
+        for size in (QUIET, LIVELY):
+            _, _, qp = controller.statement(0.0, disturbed(mast, *size))
+            solver = DaqpSolver(qp)
+            told, untold = solver.solve(qp), solver.solve(replaced(qp, free=None))
+            assert told.status == untold.status == "solved"
+            assert np.abs(told.z - untold.z).max() < 1e-12 * np.abs(told.z).max()
+            assert max(told.kkt, untold.kkt) < 1e-9
 
 
 class Reticent:

@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
@@ -55,6 +56,9 @@ class Condensed:
         Half its quadratic form in (e_0, v_0) is the constant part of the cost.
     following : Following or None
         How wanted outputs pull on the plan; None without a signal.
+    unlimited : (N nu + N nT + N nu, nx + nu + N ny) or None
+        All that is bounded, the plan and its rows, at the minimum without limits: of (e_0, v_0), and of what is wanted.
+        None where H has no Cholesky factor.
     """
 
     horizon: int
@@ -77,6 +81,7 @@ class Condensed:
     rows: np.ndarray
     offset: Float[np.ndarray, "n n"]
     following: Following | None = None
+    unlimited: np.ndarray | None = None
 
     @property
     def floored(self) -> np.ndarray:
@@ -120,16 +125,19 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights, *, 
         weighed, loop = weights.of_outputs(linear), A - B @ terminal.K
         pull = following(weighed, weights.energy, R, dt, loop, terminal.K, (free, forced))
     rate_rows = np.kron(np.eye(horizon) - np.eye(horizon, k=-1), np.eye(nu))
+    H, rows = 0.5 * (H + H.T), np.vstack([tension_rows, rate_rows])
+    from_state = weighted.T @ free.reshape(-1, nx + nu)
     return Condensed(
         horizon=horizon, sampled=sampled, A=A, B=B, Q=Q, R=R, P=terminal.X, K=terminal.K,
         riccati_residual=terminal.residual, tension=tension, tendons=tendons, side=side,
         force_max=linear.dynamics.members.force_max[tendons], tension_scale=_scale(linear, tendons),
-        H=0.5 * (H + H.T),
-        from_state=weighted.T @ free.reshape(-1, nx + nu),
+        H=H,
+        from_state=from_state,
         tension_from_state=(tension @ free).reshape(-1, nx + nu),
-        rows=np.vstack([tension_rows, rate_rows]),
+        rows=rows,
         offset=np.einsum("kji,kjl->il", free, stages @ free),
         following=pull,
+        unlimited=_unlimited(H, rows, from_state if pull is None else np.hstack([from_state, pull.plan])),
     )  # fmt: skip
 
 
@@ -187,6 +195,14 @@ def _predict(A: np.ndarray, B: np.ndarray, horizon: int) -> tuple[np.ndarray, np
         drive[:, k * nu : (k + 1) * nu] = B
         free[k], forced[k] = state, drive
     return free, forced
+
+
+def _unlimited(H: np.ndarray, rows: np.ndarray, slopes: np.ndarray) -> np.ndarray | None:
+    try:
+        plan = -sla.cho_solve(sla.cho_factor(H), slopes)
+    except np.linalg.LinAlgError:
+        return None
+    return np.vstack([plan, rows @ plan])
 
 
 def _by_stage(Q: np.ndarray, P: np.ndarray, horizon: int) -> np.ndarray:

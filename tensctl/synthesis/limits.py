@@ -71,9 +71,10 @@ class Limits:
         lower[inputs : inputs + floors] -= problem.tension_from_state @ self.start
         lower[rates] += now  # the first period begins where rest lengths are
         upper[rates] += now
-        f = problem.from_state @ self.start
+        f, given, unlimited = problem.from_state @ self.start, self.start, problem.unlimited
         if problem.following is not None and self.wanted is not None:
             f = f + problem.following.plan @ self.wanted.ravel()
+            given = np.concatenate([self.start, self.wanted], axis=None)
         return QP(
             H=problem.H,
             f=f,
@@ -81,6 +82,7 @@ class Limits:
             lower=lower,
             upper=upper,
             start=self.start,
+            free=None if unlimited is None else unlimited[:, : given.size] @ given,
             guess=np.tile(now, len(self.about)) if self.plan is None else self.plan.ravel(),
         )
 

@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg.lapack import dpotrs
 
 # An answer whose KKT residual is larger is refused.
 ACCEPT = 1e-6
@@ -31,6 +32,8 @@ class QP:
     lower, upper : (n + r,)
     start : (nx + nu,) or None
         Where a plan begins, for solvers that keep states as variables.
+    free : (n + r,) or None
+        Values of what is bounded at the minimum without limits, where they are known.
     guess : (inputs,) or None
         A plan of inputs near the answer, for solvers that begin at one; slacks are theirs to find.
     """
@@ -41,6 +44,7 @@ class QP:
     lower: Float[np.ndarray, " n_plus_r"]
     upper: Float[np.ndarray, " n_plus_r"]
     start: Float[np.ndarray, " s"] | None = None
+    free: Float[np.ndarray, " n_plus_r"] | None = None
     guess: Float[np.ndarray, " m"] | None = None
 
     def objective(self, z: Float[np.ndarray, " n"]) -> float:
@@ -54,6 +58,12 @@ class QP:
     def values(self, z: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n_plus_r"]:
         """What is bounded: (z, A z)."""
         return np.concatenate([z, self.A @ z])
+
+    def unlimited(self, half: Float[np.ndarray, "n n"]) -> Float[np.ndarray, " n_plus_r"]:
+        """What is bounded, at the minimum without limits: by the Cholesky factor of H where it is not told."""
+        if self.free is not None:
+            return self.free
+        return self.values(np.asarray(dpotrs(half, -self.f, lower=1)[0]))
 
     def broken(self, values: Float[np.ndarray, " n_plus_r"]) -> float:
         """Largest amount by which values leave their bounds."""

@@ -7,7 +7,6 @@ that DAQP takes to be told of a step.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg.lapack import dpotrs
 
 from tensctl.synthesis.qp import QP, Solution, judged
 
@@ -43,14 +42,14 @@ class DaqpSolver:
         )
         self._model.settings = {**self._model.settings, "primal_tol": tol, "iter_limit": most}
         self._ready = flag >= 0
-        self._half = np.asfortranarray(np.linalg.cholesky(qp.H)) if self._ready else None
+        self._half = np.asfortranarray(np.linalg.cholesky(qp.H)) if self._ready else np.zeros((0, 0))
 
     def solve(self, qp: QP) -> Solution:
         """Solve with new f and bounds."""
         if not self._ready:
             return judged(qp, None, None, "failed")
-        free = np.asarray(dpotrs(self._half, -qp.f, lower=1)[0])
-        values, idle = qp.values(free), np.zeros(qp.upper.size)
+        values, idle = qp.unlimited(self._half), np.zeros(qp.upper.size)
+        free = values[: qp.f.size]
         if qp.broken(values) == 0.0:
             return Solution(free, idle, "solved", qp.residual(free, idle, values))
         self._model.update(

@@ -1,6 +1,6 @@
 """The dual active set as a solver: first asked, for steps where no limit acts or up to some hundred do.
 
-The minimum without limits costs two triangular solves; where it breaks none it is the answer. An iteration takes 10 us
+Where the minimum without limits breaks none it is the answer. An iteration takes 10 us
 for the (3,1) shell with 20 stages where DAQP, which knows nothing of rates, takes 110.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as sla
-from scipy.linalg.lapack import dpotrs
 
 from tensctl.synthesis import dual
 from tensctl.synthesis.condensed import Condensed
@@ -50,8 +49,8 @@ class DualSolver:
 
     def solve(self, qp: QP) -> Solution:
         """Solve with new f and bounds."""
-        free = np.asarray(dpotrs(self._half, -qp.f, lower=1)[0])
-        values = qp.values(free)
+        values = qp.unlimited(self._half)
+        free = values[: qp.f.size]
         broken = np.count_nonzero((values < qp.lower) | (values > qp.upper))
         if not broken:
             idle = np.zeros(values.size)

@@ -14,7 +14,7 @@ import numpy as np
 
 from tensctl.jit import bare, part
 from tensctl.model.kernel import cable_forces, cable_rates, elastic_forces, gap_rates, springs
-from tensctl.simulation.drive import Drive, drive_at, drive_rate
+from tensctl.simulation.drive import drive_at, drive_rate
 from tensctl.simulation.integrators.flight import fly, kick, swift, trim
 from tensctl.simulation.integrators.kept import Kept, opened
 from tensctl.simulation.integrators.rows import Rows, place_rows, push_rows

@@ -17,7 +17,7 @@ from tensctl.jit import bare, part
 from tensctl.model.kernel import springs
 from tensctl.simulation.drive import drive_bend
 from tensctl.simulation.integrators.kept import opened
-from tensctl.simulation.integrators.leap import Moment, copy_moment, leap, rates_at, refresh, begin
+from tensctl.simulation.integrators.leap import Moment, begin, copy_moment, leap, rates_at, refresh
 from tensctl.simulation.integrators.rows import fill, take
 from tensctl.simulation.integrators.switching import change_over, first_to_leave, settle
 
