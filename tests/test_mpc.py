@@ -463,12 +463,12 @@ class TestUnlimited:
     def test_a_solver_that_is_not_told_finds_it(self, mast, controller):
         """The same answer to rounding, and where limits act the same steps."""
         for size in (QUIET, LIVELY):
-            _, _, qp = controller.statement(0.0, disturbed(mast, *size))
-            solver = DaqpSolver(qp)
-            told, untold = solver.solve(qp), solver.solve(replaced(qp, free=None))
-            assert told.status == untold.status == "solved"
-            assert np.abs(told.z - untold.z).max() < 1e-12 * np.abs(told.z).max()
-            assert max(told.kkt, untold.kkt) < 1e-9
+            problem, _, qp = controller.statement(0.0, disturbed(mast, *size))
+            for solver in (DaqpSolver(qp), DualSolver(problem)):
+                told, untold = solver.solve(qp), solver.solve(replaced(qp, free=None))
+                assert told.status == untold.status == "solved"
+                assert np.abs(told.z - untold.z).max() < 1e-12 * np.abs(told.z).max()
+                assert max(told.kkt, untold.kkt) < 1e-9
 
 
 class Reticent:

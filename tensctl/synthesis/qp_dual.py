@@ -1,7 +1,7 @@
 """The dual active set as a solver: first asked, for steps where no limit acts or up to some hundred do.
 
-Where the minimum without limits breaks none it is the answer. An iteration takes 10 us
-for the (3,1) shell with 20 stages where DAQP, which knows nothing of rates, takes 110.
+Where the minimum without limits breaks none it is the answer. An iteration takes 10 us for the (3,1) shell with 20
+stages where DAQP, which knows nothing of rates, takes 110.
 """
 
 from __future__ import annotations
