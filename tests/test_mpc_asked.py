@@ -136,11 +136,6 @@ class TestScene:
             shell_scene(mpc={key: value})
 
 
-def test_courses_are_followed_by_the_state_only():
-    with pytest.raises(tc.SceneError, match=r'mpc.follow is given, but feedback = "outputs"'):
-        shell_scene(mpc={"follow": [COURSE], "feedback": "outputs"}, sensors={"lengths": 1e-4})
-
-
 def written(folder, scene):
     path = folder / "scene.toml"
     path.write_text(scene.to_toml(), encoding="utf-8")

@@ -8,9 +8,11 @@ from support import shell_scene
 from test_mpc import Rough
 
 import tensctl as tc
+from tensctl.simulation import Measurement
 from tensctl.synthesis.disturbance import disturbed
 from tensctl.synthesis.offset_filter import offset_filter
 from tensctl.synthesis.sensors import Reading
+from tensctl.synthesis.signal import Courses
 
 DT = 0.02
 
@@ -157,3 +159,54 @@ def test_refused(mast, eyes):
         tc.OutputMPC(mast[2], eyes, horizon=2).step(0.0, mast[1])
     with pytest.raises(tc.SynthesisError, match="drift is 0"):
         tc.OutputMPC(mast[2], eyes, horizon=2, drift=0)
+
+
+LENGTH = {"lengths:t5_1_1": 1e-3}
+
+
+class TestSignal:
+    """Outputs that leave the target by a signal."""
+
+    def test_a_measured_output_is_met_by_a_wrong_model(self, mast, eyes, wrong):
+        """A length is to grow by 1 cm; control of the exact state by the same model misses it."""
+        rest = mast[1]
+        tendon = rest.structure.tendon_labels.index("t5_1_1")
+        goal = rest.lengths[tendon] + 0.01
+        options = {"horizon": 10, "weights": tc.Weights(outputs=LENGTH), "signal": lambda t: goal}
+        missed = {}
+        for controller in (tc.OutputMPC(mast[2], eyes, tension_min=0.5, **options), tc.MPC(mast[2], **options)):
+            run = tc.simulate(wrong, (rest.nodes, 0 * rest.nodes), controller=controller, t_end=6.0)
+            missed[type(controller)] = abs(run.lengths[-100:, tendon].mean() - goal)
+        assert missed[tc.OutputMPC] < 5e-5
+        assert missed[tc.MPC] > 20 * missed[tc.OutputMPC]
+
+    @pytest.mark.parametrize("preview", [True, False])
+    def test_at_rest_it_plans_as_with_the_state(self, mast, eyes, preview):
+        """With nothing to estimate both are the same problem, courses and totals alike."""
+        _, rest, linear = mast
+        begin = rest.lengths[rest.structure.tendon_labels.index("t5_1_1")]
+        options = {"horizon": 6, "weights": tc.Weights(outputs=LENGTH), "preview": preview}
+        quiet = Reading(eyes.of(rest), rest.inputs)
+        shown = Measurement(rest.nodes, 0 * rest.nodes, rest.lengths, rest.tensions, rest.inputs)
+        total, course = ([0.05, 0.15], [begin, begin + 0.01]), Courses({"l_t5_1_1": ([0.05, 0.15], [0.0, 0.01])})
+        t = 0.08
+        by_state = tc.MPC(linear, signal=total, **options).step(t, shown)
+        assert np.abs(by_state).max() > 1e-3
+        for signal in (total, course):
+            by_output = tc.OutputMPC(linear, eyes, signal=signal, **options).step(t, quiet)
+            assert np.abs(by_output - by_state).max() < 1e-9
+
+    def test_on_a_path_the_signal_that_it_is_changes_nothing(self, mast, eyes):
+        """In total, the first period's end is where the target is."""
+        _, rest, linear = mast
+        path = tc.plan_shape(shell_scene(pins=["P1_*_1"]), {"height_scale": 1.02, "duration": 0.4}, start=rest)
+        tendon = rest.structure.tendon_labels.index("t5_1_1")
+
+        def along(t):
+            return rest.structure.lengths_at(path.nodes_at(t))[tendon]
+
+        options = {"horizon": 4, "weights": tc.Weights(outputs=LENGTH), "path": path, "preview": False}
+        quiet = Reading(eyes.of(rest), rest.inputs)
+        with_signal = tc.OutputMPC(linear, eyes, signal=lambda t: along(t + DT), **options)
+        difference = with_signal.step(0.2, quiet) - tc.OutputMPC(linear, eyes, **options).step(0.2, quiet)
+        assert np.abs(difference).max() < 1e-10

@@ -96,3 +96,17 @@ def test_what_nothing_measures_cannot_be_tracked(tmp_path):
     scene = windy(0.1).replaced(mpc=MPC | {"track": ["P4_1_1_z"]})
     with pytest.raises(tc.TensctlError, match='track: "P4_1_1_z" names nothing'):
         tc.run(scene, tmp_path / "out")
+
+
+def test_an_output_follows_its_course_from_sensors(tmp_path):
+    """In a wind that nothing measures; what the run made of it is told against the path."""
+    course = {"output": "l_t5_1_1", "size": 1e-3, "times": [0.5, 1.0], "change": [0.0, 0.02]}
+    results = tc.run(windy(3.0).replaced(mpc=MPC | {"follow": [course]}), tmp_path / "out")
+    told = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["mpc"]
+    tendon = results.structure.tendon_labels.index("t5_1_1")
+    change = results.run.lengths[:, tendon] - results.equilibrium.lengths[tendon]
+    wanted = np.interp(results.run.time, [0.5, 1.0], [0.0, 0.02])
+    assert told["followed"]["l_t5_1_1"]["worst"] == pytest.approx(np.abs(change - wanted).max(), rel=1e-6)
+    assert abs(change[-1] - 0.02) < 1e-3
+    assert told["cvxpy_cost_difference"] < 1e-7
+    assert told["cvxpy_input_difference_m"] < 1e-7

@@ -184,3 +184,40 @@ def test_free_shell_and_shorter_shape():
     path = tc.plan_shape(shell_scene(), 0.9, tension_min=1.0)
     assert mean_height(path.target) == pytest.approx(0.9 * mean_height(path.equilibria[0]), rel=1e-11)
     path.verify(1.0)
+
+
+@pytest.fixture(scope="module")
+def free():
+    return tc.plan_shape(SCENE, 1.1, tension_min=0.1)
+
+
+class TestLargestChange:
+    """Planned within u_max, as the controller keeps it."""
+
+    def test_the_plan_keeps_it_and_is_the_least_change_that_does(self, free):
+        """KKT at the last shape: what holds u back is the height and the bounds that act, pushing inwards."""
+        most = 0.9 * np.abs(free.target.inputs).max()
+        path = tc.plan_shape(SCENE, 1.1, tension_min=0.1, u_max=most)
+        u = np.stack([e.inputs for e in path.equilibria])
+        assert np.abs(u).max() <= most * (1 + 1e-12)
+        used = np.abs(u[-1]) >= most * (1 - 1e-9)
+        assert 1 <= used.sum() < used.size / 2
+        assert mean_height(path.target) == pytest.approx(mean_height(free.target), rel=1e-11)
+        assert np.linalg.norm(u[-1]) > np.linalg.norm(free.target.inputs) * (1 + 1e-6)
+        height = gradients(path.target, [])[:, -1]
+        price = u[-1][~used] @ height[~used] / (height[~used] @ height[~used])
+        assert np.abs(u[-1] - price * height)[~used].max() < 1e-4 * most
+        assert (np.sign(u[-1]) * (price * height - u[-1]))[used].min() > 0
+
+    def test_a_wide_one_changes_nothing(self, free):
+        path = tc.plan_shape(SCENE, 1.1, tension_min=0.1, u_max={"*": 1.0, "t5_*": 0.9})
+        assert np.abs(path.target.inputs - free.target.inputs).max() < 1e-12
+
+    def test_a_shape_beyond_it_is_told(self):
+        scene = SCENE.replaced(mpc={"u_max": 0.03, "rate_max": 0.5})
+        with pytest.raises(tc.SynthesisError, match=r"changed by at most u_max; .* or raise mpc.u_max. The way leads"):
+            tc.plan_shape(scene)
+
+    def test_a_start_beyond_it_is_told(self, free):
+        with pytest.raises(tc.SynthesisError, match=r"planned shape 0 needs t.* raise u_max"):
+            tc.plan_shape(SCENE, 1.2, start=free.target, u_max=0.01)

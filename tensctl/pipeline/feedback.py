@@ -74,9 +74,7 @@ def _eyes(seen: SensorsStage, linear: LinearModel) -> Sensors:
 
 def design_mpc(asked: MpcStage, linear: LinearModel, path: ShapePath | None) -> MPC:
     """Predictive control of the state."""
-    courses = {safe_label(request.output): (request.times, request.change) for request in asked.follow}
-    signal = Courses(courses) if courses else None
-    return MPC(linear, path=path, signal=signal, preview=asked.preview, **_common(asked, linear))
+    return MPC(linear, path=path, **_common(asked, linear))
 
 
 def design_output_mpc(asked: MpcStage, seen: SensorsStage, linear: LinearModel, path: ShapePath | None) -> OutputMPC:
@@ -99,8 +97,12 @@ def nonlinear_mpc(asked: MpcStage, dynamics: Dynamics, reference: Reference | Eq
 
 def _common(asked: MpcStage, linear: LinearModel) -> dict[str, Any]:
     """What both take."""
-    names = ("horizon", "dt", "tension_min", "rate_max", "u_max", "solver", "delay", "modes")
-    return {name: getattr(asked, name) for name in names} | {"weights": mpc_weights(asked, linear.dynamics.structure)}
+    names = ("horizon", "dt", "tension_min", "rate_max", "u_max", "solver", "delay", "modes", "preview")
+    courses = {safe_label(request.output): (request.times, request.change) for request in asked.follow}
+    return {name: getattr(asked, name) for name in names} | {
+        "weights": mpc_weights(asked, linear.dynamics.structure),
+        "signal": Courses(courses) if courses else None,
+    }
 
 
 def mpc_weights(asked: MpcStage, structure: Structure) -> Weights:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensctl.pipeline.results import Results, frames_of
-from tensctl.synthesis import MPC
+from tensctl.synthesis import MPC, OutputMPC
 from tensctl.synthesis.reference import outputs_along
 from tensctl.synthesis.signal import Courses
 
@@ -37,13 +37,14 @@ def followed(results: Results) -> tuple[Followed, ...]:
     if not isinstance(mpc, MPC) or run is None or mpc.signal is None or not isinstance(mpc.signal.given, Courses):
         return ()
     linear = mpc.weights.of_outputs(mpc.linear).linear
+    reference = mpc.wanted if isinstance(mpc, OutputMPC) else mpc.reference
     frames, nodes = frames_of(results.wanted, run), run.nodes
     if frames is not None:
         nodes = np.stack([frame.nodes(p) for frame, p in zip(frames, nodes, strict=True)])
     raw = [nodes.reshape(len(nodes), -1), run.velocities.reshape(len(nodes), -1), run.lengths, run.tensions]
     shown = (linear.outputs_map.weights @ np.hstack(raw).T).T
     asked = mpc.signal.at(run.time)
-    miss = shown - outputs_along(mpc.reference, linear, run.time) - asked
+    miss = shown - outputs_along(reference, linear, run.time) - asked
     found = []
     for label in mpc.signal.given.table:
         k = linear.outputs.index(label)

@@ -148,12 +148,6 @@ class MpcStage(CostStage):
     follow: tuple[FollowRequest, ...] = ()
 
     @model_validator(mode="after")
-    def _follows_by_state(self) -> Self:
-        if self.follow and self.feedback == "outputs":
-            raise complaint('is given, but feedback = "outputs" holds a shape or a path; expected "states"', "follow")
-        return self
-
-    @model_validator(mode="after")
     def _fits_its_model(self) -> Self:
         plain = (self.solver, self.modes, self.feedback, self.follow) == ("auto", "refuse", "states", ())
         if self.model == "nonlinear" and not plain:

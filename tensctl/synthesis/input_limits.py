@@ -37,8 +37,7 @@ class InputLimits:
     def of(cls, dynamics: Dynamics, rate_max: float, dt: float, u_max: Size | None) -> InputLimits:
         """Those of a structure's inputs: a rate limit, m/s, a period, s, and a largest change of rest lengths, m."""
         members = dynamics.members
-        (lower, upper), most = members.input_bounds, input_reach(dynamics.structure, members, u_max)
-        return cls(np.maximum(lower, -most), np.minimum(upper, most), rate_max * dt / members.gearing.largest)
+        return cls(*input_range(dynamics.structure, members, u_max), rate_max * dt / members.gearing.largest)
 
     @property
     def range(self) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
@@ -49,6 +48,14 @@ class InputLimits:
         """Inputs within all limits, to the last bit, a period after those of now."""
         near = np.minimum(np.maximum(u, now - self.reach), now + self.reach)
         return np.minimum(np.maximum(near, self.lower), self.upper)
+
+
+def input_range(
+    structure: Structure, members: Members, u_max: Size | None
+) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
+    """Least and largest inputs, (nu,) m, at which rest lengths keep their floors and change by at most u_max."""
+    (lower, upper), most = members.input_bounds, input_reach(structure, members, u_max)
+    return np.maximum(lower, -most), np.minimum(upper, most)
 
 
 def input_reach(structure: Structure, members: Members, u_max: Size | None) -> Float[np.ndarray, " nu"]:

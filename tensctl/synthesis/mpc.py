@@ -287,8 +287,13 @@ class MPC:
         times = self._ends(t)
         told = self.signal.at(times if self.preview else np.full(self.horizon, t))
         if not self.signal.about_path:
-            told = told - outputs_along(self.reference, follows.weighed.linear, times)
+            reference, there = self._path_ahead(t)
+            told = told - outputs_along(reference, follows.weighed.linear, there)
         return told / follows.weighed.sizes
+
+    def _path_ahead(self, t: float) -> tuple[Reference, Float[np.ndarray, " N"]]:
+        """The reference from which a plan deviates, and when it is there at the ends of the coming periods, s."""
+        return self.reference, self._ends(t)
 
     def _when_it_acts(self, piece: Piece, state: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """State and inputs, deviations from the model's equilibrium, when the next command begins to act."""

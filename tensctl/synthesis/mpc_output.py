@@ -27,6 +27,7 @@ from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.offset_filter import Estimate, OffsetFilter, offset_filter
 from tensctl.synthesis.reference import Hold, Reference
 from tensctl.synthesis.sensors import Reading, Sensors
+from tensctl.synthesis.signal import Wanted
 from tensctl.synthesis.steady_target import SteadyTarget, Target
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
@@ -62,6 +63,9 @@ class OutputMPC(MPC):
         noisier.
     path : Reference, optional
         What to follow; the linear model's equilibrium by default.
+    signal, preview
+        As `MPC` has them. Weighted outputs leave the target by what the signal has beyond the path; those that sensors
+        read come without offset.
     horizon, dt, tension_min, rate_max, u_max, weights, solver, delay, modes
         As `MPC` has them.
 
@@ -89,10 +93,12 @@ class OutputMPC(MPC):
         delay: float = 0.0,
         modes: Literal["refuse", "truncate"] = "refuse",
         path: Reference | None = None,
+        signal: Wanted | None = None,
+        preview: bool = True,
     ) -> None:
         super().__init__(
             linear, horizon=horizon, dt=dt, tension_min=tension_min, rate_max=rate_max, u_max=u_max,
-            weights=weights, solver=solver, delay=delay, modes=modes,
+            weights=weights, solver=solver, delay=delay, modes=modes, signal=signal, preview=preview,
         )  # fmt: skip
         if not (np.isfinite(drift) and drift > 0):
             raise SynthesisError(f"drift is {drift}; a number > 0 is expected, deviations of a sensor in a second.")
@@ -220,7 +226,8 @@ class OutputMPC(MPC):
         start, margin = np.concatenate([state, inputs]) - at_rest, np.broadcast_to(margin, (self.horizon, margin.size))
         lower, upper = self.hard.range
         reach = np.broadcast_to(self.hard.reach, ahead.shape)
-        return Limits(start, margin, lower - ahead, upper - ahead, -reach, reach, ahead)
+        wanted = self._wanted(piece, t)
+        return Limits(start, margin, lower - ahead, upper - ahead, -reach, reach, ahead, wanted)
 
     def _look(self, t: float, reading: Reading) -> _Look:
         """Estimate and target of a reading; the controller's memory stays as it is."""
@@ -239,7 +246,7 @@ class OutputMPC(MPC):
         return self.filter.update(before, self.filter.predict(before, inputs, u), y, u)
 
     def _rest_under(self, t: float, estimate: Estimate) -> Target:
-        rest, when = self.linear.equilibrium, t + self.delay + self.dt
+        rest, when = self.linear.equilibrium, self._ends(t)[0]
         lower, upper = (bound - rest.inputs for bound in self.hard.range)
         target = self._programme.at(
             estimate.mean[len(self.linear.A) :],
@@ -253,6 +260,10 @@ class OutputMPC(MPC):
         if self._looked is not None:
             return self._looked.target
         return Target(np.zeros(len(self.linear.A)), np.zeros(upper.size), np.nan, np.nan)
+
+    def _path_ahead(self, t: float) -> tuple[Reference, np.ndarray]:
+        """The target is that of the first period's end for the whole horizon."""
+        return self.wanted, np.full(self.horizon, self._ends(t)[0])
 
     def _wanted_at(self, t: float) -> np.ndarray:
         """Deviation of what is tracked from the equilibrium's."""

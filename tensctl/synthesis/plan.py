@@ -9,12 +9,15 @@ import numpy as np
 
 from tensctl.errors import SynthesisError
 from tensctl.statics import Equilibrium, find_equilibrium
+from tensctl.synthesis.input_limits import input_range
 from tensctl.synthesis.legs import Leg, legs_of
 from tensctl.synthesis.path import ShapePath
+from tensctl.synthesis.reference import Hold, refuse_beyond
 from tensctl.synthesis.rod_room import crowded
 from tensctl.synthesis.shape import ShapeProblem
 from tensctl.synthesis.target import wanted_target
 from tensctl.synthesis.tension_room import stalled
+from tensctl.synthesis.weights import Size
 
 if TYPE_CHECKING:
     from tensctl.scene import Scene, TargetStage
@@ -27,6 +30,7 @@ def plan_shape(
     start: Equilibrium | None = None,
     tension_min: float | None = None,
     rate_max: float | None = None,
+    u_max: Size | None = None,
 ) -> ShapePath:
     """Plan the equilibria that lead to a new shape, or through several, with the least change of rest lengths.
 
@@ -34,20 +38,22 @@ def plan_shape(
     ----------
     scene : Scene
         `[target]` gives `height_scale`, `twist`, `tip`, `tilt` or `nodes`, or several, with `start` and `duration`, or
-        waypoints, and the `clearance` of rods; `[mpc]` gives `tension_min` and `rate_max`, `[actuators]` the stall
-        limits `force_max`.
+        waypoints, and the `clearance` of rods; `[mpc]` gives `tension_min`, `rate_max` and `u_max`, `[actuators]` the
+        stall limits `force_max`.
     target : float, or table with the keys of `[target]`, optional
         Height over the equilibrium's height; the scene's own target by default.
     start : Equilibrium, optional
         Where the path begins; the scene's equilibrium by default.
     tension_min : float, N, optional
     rate_max : float, m/s, optional
+    u_max : number or table by tendon label, m, optional
+        Largest change of a rest length from L0, either way.
 
     Raises
     ------
     SynthesisError
-        A shape out of reach, a start beyond a stall limit or with rods too near, or a duration too short for the rate
-        limit.
+        A shape out of reach, a start beyond a stall limit or u_max or with rods too near, or a duration too short for
+        the rate limit.
     """
     start = find_equilibrium(scene) if start is None else start
     if not start.stable:
@@ -59,12 +65,15 @@ def plan_shape(
         raise SynthesisError(f"the path's start has {near}; ask for less, or begin with another shape.")
     if tension_min is None:
         tension_min = 0.0 if scene.mpc is None else scene.mpc.tension_min
-    if rate_max is None and scene.mpc is not None:
-        rate_max = scene.mpc.rate_max
+    if scene.mpc is not None:
+        rate_max = scene.mpc.rate_max if rate_max is None else rate_max
+        u_max = scene.mpc.u_max if u_max is None else u_max
+    members = start.potential.members
+    refuse_beyond(Hold(start), members.gearing.labels, input_range(start.structure, members, u_max))
     legs, equilibria, ways = tuple(legs_of(wanted, start.structure, start.nodes)), [start], []
     for leg in legs:
         ways.append(leg.said(leg.begins(equilibria[-1].nodes)))
-        equilibria += _along(leg, ShapeProblem(leg.features, tension_min, wanted.clearance), equilibria[-1])
+        equilibria += _along(leg, ShapeProblem(leg.features, tension_min, wanted.clearance, u_max), equilibria[-1])
     path = ShapePath(tuple(equilibria), legs, f"{', then '.join(ways)}; least rest-length change")
     if rate_max is not None:
         _check_pace(path, rate_max)

@@ -1,7 +1,7 @@
 """Rest lengths for a new shape: least change of u along equilibria whose tensions stay within their limits.
 
     minimise |u|^2   subject to   h(p(u)) = wanted (each feature),   tension_min <= T(u) <= force_max,   L0 - u >= floor
-                                  d(p(u)) >= clearance (each pair of rods, where one is asked for)
+                                  |u| <= u_max,   d(p(u)) >= clearance (each pair of rods), where they are asked for
 
 p(u) is the equilibrium itself, so every iterate balances. Sequential quadratic programming with the exact static
 influence dp/du = J Phi diag(1/omega^2) Phi'G: constraints converge as Newton does, the minimum linearly. The curvature
@@ -18,11 +18,13 @@ import numpy as np
 from tensctl.analysis import static_influence
 from tensctl.errors import EquilibriumError, SynthesisError
 from tensctl.statics import Equilibrium, settle
+from tensctl.synthesis.input_limits import input_range, input_reach
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
 from tensctl.synthesis.rod_room import at_clearance, missing, rows
 from tensctl.synthesis.target import Feature
 from tensctl.synthesis.tension_room import limited, room, room_slope
+from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
 
 _STEPS = 200
@@ -45,11 +47,14 @@ class ShapeProblem:
     tension_min : float, N
     clearance : float, m, optional
         Least distance of two rods' surfaces.
+    u_max : number or table by tendon label, m, optional
+        Largest change of a rest length from L0, either way.
     """
 
     features: tuple[Feature, ...]
     tension_min: float
     clearance: float | None = None
+    u_max: Size | None = None
 
     @one_blas_thread()
     def solve(self, start: Equilibrium, wanted: np.ndarray) -> Equilibrium:
@@ -63,10 +68,11 @@ class ShapeProblem:
         if not start.inputs.size:
             raise SynthesisError("no tendon has an actuator that moves anything, so no other shape can be made.")
         now, limit, sigma, before = start, self._reach(start), 0.0, np.zeros_like(start.inputs)
+        influence = static_influence(start)
         for _ in range(_STEPS):
-            step = self._next_inputs(now, wanted, sigma) - now.inputs
+            step = self._next_inputs(now, influence, wanted, sigma) - now.inputs
             step *= min(1.0, limit / max(np.abs(step).max(initial=0.0), 1e-300))
-            following = _settled(now, now.inputs + step)
+            following = _settled(now, now.inputs + step, influence @ step)
             if following is None or self._misfit(following, wanted) > self._misfit(now, wanted) + _NEAR * _size(now):
                 limit = 0.25 * np.abs(step).max()
                 continue
@@ -77,6 +83,7 @@ class ShapeProblem:
             met = np.abs(self._error(now, wanted)).max() <= _MET * _size(now)
             if met and np.abs(step).max() <= _CHANGE * max(np.abs(now.inputs).max(), _NO_CHANGE * _size(now)):
                 return now
+            influence = static_influence(now)
         raise SynthesisError(
             f"no rest lengths were found for {self._said(wanted)} with {self._allowed(now)}; "
             f"the last try has {self._said(self._values(now))}; {self._remedy(now)}."
@@ -89,12 +96,10 @@ class ShapeProblem:
         strong = now.tensions >= members.force_max * (1 - 1e-6)
         short = now.rest_lengths <= members.floors * (1 + 1e-6)
         limits = ((low, "tension_min"), (strong, "force_max"), (short, "the least rest length"))
-        said = [
-            f"{', '.join(np.array(now.structure.tendon_labels)[found][:4])} {'...' if found.sum() > 4 else ''}".strip()
-            + f" at {limit}"
-            for found, limit in limits
-            if found.any()
-        ]
+        said = [f"{_named(now.structure.tendon_labels, found)} at {limit}" for found, limit in limits if found.any()]
+        if self.u_max is not None:
+            used = np.abs(now.inputs) >= input_reach(now.structure, members, self.u_max) * (1 - 1e-6)
+            said += [f"{_named(members.gearing.labels, used)} at u_max"] * bool(used.any())
         if self.clearance is not None and (pairs := at_clearance(now, self.clearance)):
             said.append(pairs)
         return " and ".join(said) or "no tendon is at a limit yet"
@@ -126,12 +131,14 @@ class ShapeProblem:
         """The limits of tension in words."""
         stalls = " and up to force_max" * bool(limited(now).any())
         apart = "" if self.clearance is None else f" and rods {self.clearance:g} m apart"
-        return f"tensions above {self.tension_min:g} N{stalls}{apart}"
+        changed = "" if self.u_max is None else " and rest lengths changed by at most u_max"
+        return f"tensions above {self.tension_min:g} N{stalls}{apart}{changed}"
 
     def _remedy(self, now: Equilibrium) -> str:
         ways = ["ask for less", "lower tension_min"]
         ways += ["raise actuators.force_max"] * bool(limited(now).any())
         ways += ["lower target.clearance"] * (self.clearance is not None)
+        ways += ["raise mpc.u_max"] * (self.u_max is not None)
         return f"{', '.join(ways[:-1])}, or {ways[-1]}"
 
     def _room(self, now: Equilibrium, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -142,15 +149,14 @@ class ShapeProblem:
         apart, opening = rows(now, reach, self.clearance)
         return np.concatenate([left, apart]), np.vstack([slope, opening])
 
-    def _next_inputs(self, now: Equilibrium, wanted: np.ndarray, sigma: float) -> np.ndarray:
-        members, reach = now.potential.members, static_influence(now)
+    def _next_inputs(self, now: Equilibrium, reach: np.ndarray, wanted: np.ndarray, sigma: float) -> np.ndarray:
         slopes = np.stack([feature.lever * feature.slope(now.nodes).ravel() for feature in self.features])
         rise = slopes @ (now.point.tangent @ reach)
         left, slope = self._room(now, reach)
         u = now.inputs
         least = slope @ u - left
         target = rise @ u - self._error(now, wanted)
-        lower, upper = members.input_bounds
+        lower, upper = input_range(now.structure, now.potential.members, self.u_max)
         qp = QP(
             H=(1 + sigma) * np.eye(u.size), f=-sigma * u, A=np.vstack([rise, slope]),
             lower=np.concatenate([lower, target, least]),
@@ -170,9 +176,14 @@ def _size(now: Equilibrium) -> float:
     return float(np.ptp(now.nodes, axis=0).max())
 
 
-def _settled(now: Equilibrium, inputs: np.ndarray) -> Equilibrium | None:
-    """The stable equilibrium that follows from a change of inputs, or None when there is none nearby."""
-    guess = static_influence(now) @ (inputs - now.inputs)
+def _named(labels: tuple[str, ...], found: np.ndarray) -> str:
+    """The first four of what was found."""
+    names = [label for label, there in zip(labels, found, strict=True) if there]
+    return f"{', '.join(names[:4])}{' ...' * (len(names) > 4)}"
+
+
+def _settled(now: Equilibrium, inputs: np.ndarray, guess: np.ndarray) -> Equilibrium | None:
+    """The stable equilibrium that follows from a change of inputs, sought from a step of the chart; None without."""
     try:
         found = settle(now.potential, start=now.potential.manifold.retract(now.nodes, guess), inputs=inputs)
     except EquilibriumError:
