@@ -184,3 +184,20 @@ class TestController:
         assert found.status == "solved"
         assert PrimalSolver(problem.H, problem.rows, HORIZON, soft=True, work=2e6).solve(soft).status == "bounded"
         assert np.abs(found.z - optimum.z).max() < 1e-10
+
+    def test_bounded_steps_are_told_of_a_run(self, mast, monkeypatch):
+        """A run knows which of its steps they were, and does not count their residuals among those of optima."""
+        from tensctl.synthesis import qp_primal
+
+        _, rest, linear = mast
+        short = qp_primal.PrimalSolver.__init__
+        monkeypatch.setattr(
+            qp_primal.PrimalSolver, "__init__", lambda own, *given, **named: short(own, *given, **named | {"work": 1e5})
+        )
+        controller = tc.MPC(linear, horizon=HORIZON)
+        push = tc.Push("P4_1_1", (25.0, 0.0, 0.0), 0.02, 0.12)
+        run = tc.simulate(mast[0], rest, controller=controller, t_end=0.3, pushes=[push])
+        told = np.array([record.status == "primal bounded" for record in controller.records])
+        assert 0 < told.sum() < told.size
+        assert (run.bounded == told).all()
+        assert run.kkt[told].max() > 1e-6 > run.kkt[~told].max()

@@ -80,6 +80,8 @@ class Solves:
     statuses: tuple[tuple[str, int], ...]
     kkt_median: float
     kkt_worst: float
+    bounded: int
+    kkt_bounded: float
     median: float
     worst: float
 
@@ -90,12 +92,14 @@ def solves(run: Run | None) -> Solves | None:
         return None
     words, counts = np.unique(np.asarray(run.status, dtype=str), return_counts=True)
     statuses = [(str(word), int(n)) for word, n in zip(words, counts, strict=True) if word]
-    kkt = run.kkt[np.isfinite(run.kkt)]
+    kkt = run.kkt[np.isfinite(run.kkt) & ~run.bounded]
     return Solves(
         steps=len(run.solve_time),
         statuses=tuple(sorted(statuses, key=lambda pair: -pair[1])),
         kkt_median=float(np.median(kkt)) if len(kkt) else np.nan,
         kkt_worst=float(np.max(kkt)) if len(kkt) else np.nan,
+        bounded=int(run.bounded.sum()),
+        kkt_bounded=float(run.kkt[run.bounded].max(initial=0.0)),
         median=float(np.median(run.solve_time)),
         worst=float(np.max(run.solve_time)),
     )

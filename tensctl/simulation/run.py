@@ -78,6 +78,16 @@ class Run:
         lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
         return float(np.abs(lengths / self.structure.rod_lengths - 1).max(initial=0.0))
 
+    @property
+    def bounded(self) -> np.ndarray:
+        """Of each control step, whether the work of its solver was over before the optimum, (s,) bool.
+
+        What was said is known at recorded times; a step between them goes by the next one.
+        """
+        rows = np.searchsorted(np.round(self.time, 12), np.round(self.sample_time, 12))
+        said = self.status[np.minimum(rows, self.time.size - 1)].astype(str)
+        return np.char.endswith(said, " bounded")
+
     def distance_to(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, " t"]:
         """Largest distance of any node to the wanted ones at each time, m."""
         return np.linalg.norm(self.nodes - nodes, axis=2).max(axis=1)
