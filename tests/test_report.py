@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensctl.report import Case, Check, Height, Limits, MpcCheck, Push, write_report
+from tensctl.report import Case, Check, Height, Limits, MpcCheck, Push, facts, write_report
 from tensctl.report.animation import json_for_html, speeds
 from tensctl.report.numbers import number, seconds
 from tensctl.report.pack import FEWEST_FRAMES, FRAME_BYTES, pack, unpack_nodes
@@ -119,6 +119,7 @@ class FakeControllability:
 class FakeLqr:
     poles: np.ndarray
     residual: float
+    gain_doubt: float = 1e-12
     left: tuple = ()
 
 
@@ -743,3 +744,11 @@ def test_the_page_comes_alive_without_errors(tmp_path: Path, full_page: str) -> 
     assert '<html lang="en" class="alive">' in done.stdout
     assert done.stdout.count('class="cursor" d="M') >= 5
     return None
+
+
+@pytest.mark.parametrize(("doubt", "mark"), [(1e-12, facts.GOOD), (0.2, facts.DOUBT)])
+def test_a_gain_that_its_data_leave_open_is_marked(doubt, mark):
+    """A residual at rounding is no praise where the gain is off by a fifth."""
+    design = FakeLqr(np.array([-1.0 + 2j, -1.0 - 2j]), 1e-16, doubt)
+    (tile,) = (tile for tile in facts.tiles(replace(full_case(), lqr=design)) if tile.label == "LQR residual")
+    assert tile.mark == mark

@@ -92,6 +92,7 @@ def _study(study: Study) -> dict:
 
 def _lqr(lqr: LQR | SampledLQR) -> dict:
     facts = {"riccati_residual": lqr.residual, "slowest_pole": lqr.slowest, "sample_time_s": lqr.dt}
+    facts["gain_doubt"] = lqr.gain_doubt
     return facts | ({"left_out": [str(mode) for mode in lqr.left]} if lqr.left else {})
 
 

@@ -21,6 +21,7 @@ from tensctl.linear import LinearModel, sample_ramped
 from tensctl.synthesis.checked import checked_cost
 from tensctl.synthesis.crossed import optimal, residual
 from tensctl.synthesis.feedback import Measured, Memoryless, command
+from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.lqr_sampled import SampledLQR, sampled_lqr
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.stabilisable import LeftOut, stabilisable
@@ -83,6 +84,13 @@ class LQR(Memoryless):
     def slowest(self) -> float:
         """Real part of the slowest pole, 1/s; negative when the loop is stable."""
         return float(np.real(self.poles).max(initial=-np.inf))
+
+    @cached_property
+    def gain_doubt(self) -> float:
+        """Estimated relative change of R^1/2 K by the residual and by rounding of the data."""
+        T = self.basis
+        cost = Cost(T.T @ self.Q @ T, self.R, T.T @ self.N)
+        return gain_doubt(T.T @ self.A @ T, T.T @ self.B, cost, T.T @ self.P @ T, self.K @ T)
 
     @cached_property
     def sensitivity(self) -> Sensitivity:

@@ -18,6 +18,8 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, Sampled, sample_ramped
 from tensctl.synthesis.crossed import optimal, residual
 from tensctl.synthesis.feedback import Measured, Memoryless, command
+from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.over_period import ramped_cost
 from tensctl.synthesis.stabilisable import LeftOut, Part
 from tensctl.synthesis.weights import Cost
@@ -78,6 +80,21 @@ class SampledLQR(Memoryless):
     def slowest(self) -> float:
         """Real part of the slowest pole, 1/s; negative when the loop is stable."""
         return float(np.real(self.poles).max(initial=-np.inf))
+
+    @cached_property
+    def gain_doubt(self) -> float:
+        """Estimated relative change of (R + B'PB)^1/2 K by the residual and by rounding of the data."""
+        A, B = self.sampled.with_input_state()
+        T, cost = self.basis, self.period_cost
+        inside = Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
+        return gain_doubt(T.T @ A @ T, T.T @ B, inside, T.T @ self.P @ T, self.K @ T, sampled=True)
+
+    @cached_property
+    def sensitivity(self) -> Sensitivity:
+        """From what disturbs the commands to these, once a period: its margins are those of the commands."""
+        A, B = self.sampled.with_input_state()
+        T = self.basis
+        return Sensitivity(T.T @ (A - B @ self.K) @ T, T.T @ B, -self.K @ T, self.dt)
 
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""

@@ -5,7 +5,7 @@
 All inputs may be multiplied at once by gains between (2 - alpha)/(2 + alpha) and its inverse, or turned by phases up to
 2 atan(alpha/2), and the loop stays stable (Seiler, Packard and Gahinet, IEEE Control Syst. Mag. 40(5), 2020). With one
 input at a time S_ii takes the place of S. The maximum is searched on a grid that holds every pole's frequency, then
-refined; `enclosure` then tells from eigenvalues whether a peak between its points was missed.
+refined; `enclosure` and `enclosures` tell from eigenvalues whether a peak between its points was missed.
 """
 
 from __future__ import annotations
@@ -70,6 +70,12 @@ class Sensitivity:
         """Least and largest value that alpha of all inputs at once can have, from the H-infinity norm of S - I/2."""
         peak = hinf(System(self.A, self.B, self.C, 0.5 * np.eye(self.B.shape[1]), self.dt))
         return 1 / peak.high, 1 / peak.low
+
+    def enclosures(self) -> tuple[tuple[float, float], ...]:
+        """Least and largest value that alpha of each input alone can have: a spectrum or two of twice the loop each."""
+        half = np.array([[0.5]])
+        alone = [System(self.A, self.B[:, [i]], self.C[[i]], half, self.dt) for i in range(self.B.shape[1])]
+        return tuple((1 / peak.high, 1 / peak.low) for peak in map(hinf, alone))
 
     def margins(self) -> tuple[DiskMargin, tuple[DiskMargin, ...]]:
         """Of all inputs at once, and of each alone."""
