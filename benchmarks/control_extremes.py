@@ -27,7 +27,7 @@ from tensctl.threads import one_blas_thread
 LABELS = tc.prism(3).tendon_labels
 SIGNS = {"yes": "y", "no": "n", "undecided": "?"}
 HEAD = ["case", "value", "mode by mode", "least gain", "largest", "error", "least distance, 1/s", "in 100 digits"]
-HEAD += ["energies: residual", "error of K", "nodes: residual", "error of K"]
+HEAD += ["energies: residual", "error of K", "estimated", "nodes: residual", "error of K", "estimated"]
 
 
 def prism(**sections) -> tc.Scene:
@@ -108,17 +108,21 @@ def gain_error(linear: LinearModel, report: tc.ModalReport) -> float:
     return float((np.abs(found - wanted) / np.where(wanted > 0, wanted, 1.0)).max())
 
 
-def designed(linear: LinearModel, cost: Cost | None) -> tuple[str, str]:
-    """Residual of the Riccati equation, and the relative error of R^1/2 K."""
+def designed(linear: LinearModel, cost: Cost | None) -> tuple[str, str, str]:
+    """Residual of the Riccati equation, the relative error of R^1/2 K, and the design's own estimate of it."""
     try:
         design = tc.lqr(linear, cost=cost, stabilisable_only=True)
     except TensctlError:
-        return "refused", ""
+        return "refused", "", ""
     T, root = design.basis, np.sqrt(np.diag(design.R))[:, None]
     wanted = root * regulator(T.T @ design.A @ T, T.T @ design.B, T.T @ design.Q @ T, design.R)
     error = size(wanted - exact(root * (design.K @ T))) / size(wanted)
     left = len(T) - T.shape[1]
-    return f"{design.residual:.0e}" + (f", {left} states left" if left else ""), f"{float(error):.0e}"
+    return (
+        f"{design.residual:.0e}" + (f", {left} states left" if left else ""),
+        f"{float(error):.0e}",
+        f"{design.gain_doubt:.0e}",
+    )
 
 
 @one_blas_thread()
