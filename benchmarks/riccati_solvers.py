@@ -4,6 +4,7 @@ python benchmarks/riccati_solvers.py              # prints the tables
 python benchmarks/riccati_solvers.py --docs       # and writes them and the plot into docs/riccati.md
 python benchmarks/riccati_solvers.py --sizes 48 200
 python benchmarks/riccati_solvers.py --rows FILE  # what FILE holds is not measured again; new rows are added to it
+python benchmarks/riccati_solvers.py --limit 600  # a row beyond 600 s of processor time is listed as cut off
 
 Processor times with one BLAS thread. SLICOT joins when slycot is installed; it is GPL and no dependency. SciPy on the
 Riccati equations of 2000 states takes half an hour. "Error" is the distance to a solution refined by Newton steps, each
@@ -13,6 +14,8 @@ with its residual in extended precision, over its norm, at up to 200 states.
 import argparse
 import importlib.util
 import json
+import multiprocessing
+import resource
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -133,7 +136,29 @@ def measured(problem: Problem, solve: Solver, exact: np.ndarray | None) -> dict:
     return row if exact is None else row | {"error": float(np.linalg.norm(X - exact) / np.linalg.norm(exact))}
 
 
-def rows_of(sizes: list[int], names: list[str] | None, known: list[dict], path: Path | None) -> list[dict]:
+def measured_within(limit: int, problem: Problem, solve: Solver, exact: np.ndarray | None) -> dict:
+    """`measured` in a process of its own, which the system ends after `limit` seconds of processor time."""
+    fork = multiprocessing.get_context("fork")
+    here, there = fork.Pipe(duplex=False)
+
+    def work() -> None:
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+        there.send(measured(problem, solve, exact))
+
+    process = fork.Process(target=work)
+    process.start()
+    there.close()
+    try:
+        return here.recv()
+    except EOFError:
+        return {"fault": f"cut off after {limit} s of processor time"}
+    finally:
+        process.join()
+
+
+def rows_of(
+    sizes: list[int], names: list[str] | None, known: list[dict], path: Path | None, limit: int | None
+) -> list[dict]:
     """A row for each size, equation, kind of data and solver; new ones are added to the file at once."""
     rows = list(known)
     done = {(r["equation"], r["states"], r["data"], r["solver"]) for r in known}
@@ -147,7 +172,8 @@ def rows_of(sizes: list[int], names: list[str] | None, known: list[dict], path: 
                     if key in done or (names and name not in names):
                         continue
                     row = dict(zip(("equation", "states", "data", "solver"), key, strict=True))
-                    rows.append(row | measured(problem, solve, exact))
+                    found = measured_within(limit, problem, solve, exact) if limit else measured(problem, solve, exact)
+                    rows.append(row | found)
                     print(rows[-1], flush=True)
                     if path:
                         with path.open("a", encoding="utf-8") as file:
@@ -206,10 +232,11 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+", default=list(MODELS), choices=list(MODELS))
     parser.add_argument("--solvers", nargs="+", help="these alone, by the names of the tables")
     parser.add_argument("--rows", type=Path, help="JSON lines of rows that are known; new ones are added")
+    parser.add_argument("--limit", type=int, help="seconds of processor time for a row")
     given = parser.parse_args()
     text = given.rows.read_text(encoding="utf-8") if given.rows and given.rows.exists() else ""
     known = [json.loads(line) for line in text.splitlines()]
-    rows = rows_of(given.sizes, given.solvers, known, given.rows)
+    rows = rows_of(given.sizes, given.solvers, known, given.rows, given.limit)
     tables = {"solvers": table(rows, "Riccati"), "gramians": table(rows, "Gramian")}
     print("\n\n".join(tables.values()))
     if given.docs:
