@@ -637,3 +637,17 @@ def test_a_controller_without_a_period_is_asked_every_20_ms():
 
     tc.simulate(dynamics, rest, controller=Watch(), t_end=0.1)
     assert seen == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
+
+
+def test_far_from_the_origin_rounding_is_not_taken_for_error():
+    """A short interval at 10 km and 20 s: the step does not shrink after what no step can change."""
+    scene = tc.Scene(structure=tc.shell(3, 1), tendons={"stiffness": 100.0, "rest_ratio": 0.8})
+    dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
+    manifold, rng = rest.potential.manifold, np.random.default_rng(0)
+    velocities = (manifold.tangent(rest.nodes) @ (0.5 * rng.standard_normal(manifold.size))).reshape(-1, 3)
+    times = [0.0, 2.0, 2.0 + 4e-5, 2.5]
+    near, far = (
+        tc.simulate(dynamics, (rest.nodes + off, velocities), timepts=times, tol=1e-10) for off in (0.0, 1e4)
+    )  # fmt: skip
+    assert far.evaluations < 1.5 * near.evaluations
+    assert np.abs(far.nodes - 1e4 - near.nodes).max() < 1e-7

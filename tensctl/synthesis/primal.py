@@ -27,6 +27,8 @@ _FEW = 150
 _FIXED = 1e9
 # A component below this part of the largest does not move.
 _NO_MOVE = 1e-10
+# Push on what is free at a minimum, over the largest slope, from which on the inverse is made anew.
+_DRIFT = 1e-8
 # Steps of no length in a row, beyond the entries of the basis, after which it goes in circles.
 _CIRCLES = 50
 # A value this close to its limit, over the largest range of a rate, is at it.
@@ -97,8 +99,9 @@ def search(
         return ended, point.x, push, multipliers
     _evaluate(form, step, point)
     m = _first_basis(form, step, point, basis, reach)
-    done, idle, checked = 4.0 / 3.0 * m**3, 0, False
+    done, idle, since, checked = 4.0 / 3.0 * m**3, 0, 0, False
     while True:
+        since += 1
         done += 2.0 * m * m + 2.0 * m * (n + r)
         far = _newton(step, point, basis, m, sol)
         fraction, place, row, way = 1.0, -1, -1, 0
@@ -113,7 +116,9 @@ def search(
             for j in range(r + n):
                 point.values[j] += fraction * d_values[j]
         idle = idle + 1 if fraction * far <= 1e-13 * reach else 0
-        if done > work or idle > 2 * m + _CIRCLES:
+        if idle > 2 * m + _CIRCLES:
+            break
+        if done > work:
             ended = BOUNDED
             break
         if row >= 0:
@@ -132,6 +137,11 @@ def search(
             continue
         _let_rows_go(point)
         _pushes(form, point, basis, m, sol, push)
+        if since > 1 and _left_over(basis, m, push) > _DRIFT * scale:
+            _evaluate(form, step, point)
+            m, since = _again(form, point, basis, m), 0
+            done += 4.0 / 3.0 * m**3 + 1.0 * n * (n + r)
+            continue
         who, is_row = _most_promising(form, point, basis, m, sol, push, tol * scale)
         if who < 0:
             if checked or _left_over(basis, m, push) <= tol * scale:

@@ -22,7 +22,7 @@ from tensctl.synthesis.relaxed import Relaxed
 WORK = 4e7
 # Wrong multipliers over the largest slope.
 _TOL = 1e-11
-# A search that ends before the optimum with a smaller KKT residual has found it.
+# An answer with a larger KKT residual is no optimum.
 _FINE = 1e-9
 # Most entries of the basis; its inverse takes 1.3 MB.
 _ROOM = 400
@@ -97,7 +97,7 @@ class PrimalSolver:
         else:
             z, y = inputs, np.concatenate([inner, tension, held])
         found = judged(qp, z, y, "solved")
-        return found if ended == primal.SOLVED or found.kkt <= _FINE else replace(found, status="bounded")
+        return found if found.kkt <= _FINE else replace(found, status="bounded")
 
     def _summed(self, slopes: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
         """Slopes by rates from those by inputs: a rate moves its input in all later stages."""

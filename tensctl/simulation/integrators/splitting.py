@@ -100,6 +100,7 @@ class Splitting:
         SimulationError
             When the motion cannot be followed.
         """
+        self._limits[1] = _ROUNDING * max(self._size, float(np.abs(q).max()))
         status, t, step, evaluations, switches = march(
             *self._scenes(drive), self._journey, q, v, times, self.step, self.stride, self.order, self.locate,
             self.stop, out_q, out_v,
@@ -111,9 +112,16 @@ class Splitting:
 
     @cached_property
     def _journey(self) -> Kept:
-        size = float(np.ptp(self.dynamics.structure.nodes, axis=0).max())
-        limits = np.array([self.tol * size, _ROUNDING * size, self.rate])
-        return Kept(Journey(moment(self._rows), moment(self._rows), moment(self._rows), limits))
+        return Kept(Journey(moment(self._rows), moment(self._rows), moment(self._rows), self._limits))
+
+    @cached_property
+    def _limits(self) -> np.ndarray:
+        """What a probe may show over a second, what is rounding (it grows with the way from the origin), the rate."""
+        return np.array([self.tol * self._size, _ROUNDING * self._size, self.rate])
+
+    @cached_property
+    def _size(self) -> float:
+        return float(np.ptp(self.dynamics.structure.nodes, axis=0).max())
 
     def _scenes(self, drive: Drive) -> tuple[Kept, Kept]:
         """Scenes with this drive and room to work in, made once for all drives of one form."""
