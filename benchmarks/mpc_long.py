@@ -42,6 +42,8 @@ _TOLD = 1e-6
 class Wild(Hold):
     """Holds an equilibrium, and asks now and then for what no structure can do."""
 
+    ends = np.inf
+
     def _noise(self, t: float | np.ndarray, size: int) -> np.ndarray:
         """Numbers for each time, the same for 0.4 s, and 0 while the equilibrium is asked for."""
         drawn = np.zeros((np.size(t), size))

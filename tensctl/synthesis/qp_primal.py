@@ -17,9 +17,9 @@ from tensctl.synthesis.bordered import Form
 from tensctl.synthesis.qp import QP, Solution, judged
 from tensctl.synthesis.relaxed import Relaxed
 
-# Multiplications of one search: some 7 ms. Of the (3,1) shell with 20 stages under pushes of 5 to 50 N, two steps in
-# three with hundreds of acting limits take less.
-WORK = 4e7
+# Multiplications of one search: 3 to 5 ms. Under pushes of 5 to 50 N one step in seven of the (3,1) shell with 20 stages
+# takes less; with more, the worst step of `benchmarks/mpc_in_time.py` takes longer than 10 ms.
+WORK = 2e7
 # Wrong multipliers over the largest slope.
 _TOL = 1e-11
 # An answer with a larger KKT residual is no optimum.

@@ -13,6 +13,8 @@ from tensctl.synthesis.relaxed import curvature, relax
 SOLVERS = ("dual", "primal", "daqp", "osqp", "piqp", "clarabel")
 # Up to so many variables an active set is the faster one even with all limits acting.
 _FEW = 100
+# Multiplications of a primal search that is to end at the optimum; with some 400 rates free it takes 4e8.
+_WHOLE = 1e10
 # Up to so many, what forces on limits move is worth its room: 7 MB and 0.1 s for the (3,1) shell with 20 stages.
 _MANY = 1000
 
@@ -78,9 +80,8 @@ def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None =
     if name == "primal":
         from tensctl.synthesis.qp_primal import PrimalSolver
 
-        return PrimalSolver(
-            problem.H, problem.rows, problem.horizon, soft=soft, **(asked | {"work": 1e10} if asked else {})
-        )
+        whole = {"work": _WHOLE} if asked or not soft else {}  # who asks for it first wants the optimum
+        return PrimalSolver(problem.H, problem.rows, problem.horizon, soft=soft, **asked, **whole)
     if name == "daqp":
         from tensctl.synthesis.qp_daqp import QUICK, DaqpSolver
 
