@@ -17,8 +17,7 @@ from tensctl.synthesis.bordered import Form
 from tensctl.synthesis.qp import QP, Solution, judged
 from tensctl.synthesis.relaxed import Relaxed
 
-# Multiplications of one search: 3 to 5 ms. Under pushes of 5 to 50 N one step in seven of the (3,1) shell with 20 stages
-# takes less; with more, the worst step of `benchmarks/mpc_in_time.py` takes longer than 10 ms.
+# Multiplications of one search: 3 to 5 ms. With more the worst step of `benchmarks/mpc_in_time.py` takes over 10 ms.
 WORK = 2e7
 # Wrong multipliers over the largest slope.
 _TOL = 1e-11
