@@ -22,6 +22,7 @@ if hasattr(os, "sched_setaffinity"):
 
 import numpy as np
 import page
+from pushes import random_pushes
 
 import tensctl as tc
 from tensctl.synthesis.qp_primal import PrimalSolver
@@ -54,16 +55,6 @@ class Timed:
         return command
 
 
-def pushes(labels: tuple[str, ...], t_end: float) -> list[tc.Push]:
-    rng, found, t = np.random.default_rng(2), [], 0.5
-    while t < t_end:
-        way = rng.standard_normal(3)
-        force = 20 ** rng.random() * way / np.linalg.norm(way)
-        found.append(tc.Push(str(rng.choice(labels)), tuple(force), t, t + 0.1))
-        t += rng.exponential(2.0)
-    return found
-
-
 def rows_of(name: str, controller: Timed, run: tc.Run, rest: tc.Equilibrium) -> list[list[object]]:
     statuses = np.array([record.status for record in controller.records])
     kkt = np.array([record.kkt for record in controller.records])
@@ -89,7 +80,7 @@ def main() -> None:
     dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
     linear = tc.linearize(dynamics, rest, outputs=())
     times = DT * np.arange(given.steps)
-    loads, rows = pushes(dynamics.structure.node_labels, float(times[-1])), []
+    loads, rows = random_pushes(dynamics.structure.node_labels, float(times[-1])), []
     for name, work in (("bounded", None), ("to the end", 1e10)):
         mpc = tc.MPC(linear, horizon=HORIZON, dt=DT, rate_max=RATE)
         if work is not None:

@@ -26,6 +26,7 @@ if hasattr(os, "sched_setaffinity"):
 
 import numpy as np
 import page
+from pushes import random_pushes
 
 import tensctl as tc
 from tensctl.synthesis.reference import Hold
@@ -127,17 +128,6 @@ class Watched:
         return measurement
 
 
-def pushes(labels: tuple[str, ...], t_end: float) -> list[tc.Push]:
-    rng, found, t = np.random.default_rng(2), [], 0.5
-    tops = [label for label in labels if label.startswith(("P2", "P3", "P4"))]
-    while t < t_end:
-        way = rng.standard_normal(3)
-        force = 20 ** rng.random() * way / np.linalg.norm(way)
-        found.append(tc.Push(str(rng.choice(tops)), tuple(force), t, t + 0.1))
-        t += rng.exponential(2.0)
-    return found
-
-
 def broken(watched: Watched, run: tc.Run) -> dict[str, int]:
     """How often each hard limit was broken."""
     members, commands = watched.mpc.linear.dynamics.members, np.array(watched.commands)
@@ -189,7 +179,8 @@ def main() -> None:
     mpc = tc.MPC(tc.linearize(dynamics, rest), horizon=HORIZON, dt=DT, rate_max=RATE, path=Wild(rest))
     watched, t_end = Watched(mpc, asked.steps), DT * (asked.steps - 1)
     began = time.perf_counter()
-    loads, times = pushes(dynamics.structure.node_labels, t_end), DT * np.arange(asked.steps)
+    tops = [label for label in dynamics.structure.node_labels if label.startswith(("P2", "P3", "P4"))]
+    loads, times = random_pushes(tops, t_end), DT * np.arange(asked.steps)
     run = tc.simulate(dynamics, rest, controller=watched, timepts=times, pushes=loads)
     rows = rows_of(watched, run, time.perf_counter() - began)
     for name, value in rows:

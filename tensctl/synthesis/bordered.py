@@ -100,12 +100,7 @@ def enter(form: Form, basis: Basis, m: int, e: int) -> bool:
             size += column[k] * column[k] / own
     if not abs(pivot) > _NO_PIVOT * size:
         return False
-    for k in range(m):
-        part = turned[k] / pivot
-        for i in range(m):
-            inverse[k, i] += part * turned[i]
-        inverse[k, m] = inverse[m, k] = -part
-    inverse[m, m] = 1.0 / pivot
+    border(inverse, m, turned, pivot)
     entries[m] = e
     return True
 
@@ -113,13 +108,29 @@ def enter(form: Form, basis: Basis, m: int, e: int) -> bool:
 @jit
 def leave(basis: Basis, m: int, place: int) -> None:
     """Reduce the inverse by one entry; the last one takes its place."""
-    entries, inverse, column, _ = basis
+    reduce(basis.inverse, m, place, basis.column)
+    basis.entries[place] = basis.entries[m - 1]
+
+
+@jit
+def border(inverse: np.ndarray, m: int, turned: np.ndarray, pivot: float) -> None:
+    """The inverse with one more row and column: `turned` is it times the new column, `pivot` what then is left."""
+    for k in range(m):
+        part = turned[k] / pivot
+        for i in range(m):
+            inverse[k, i] += part * turned[i]
+        inverse[k, m] = inverse[m, k] = -part
+    inverse[m, m] = 1.0 / pivot
+
+
+@jit
+def reduce(inverse: np.ndarray, m: int, place: int, column: np.ndarray) -> None:
+    """The inverse with one row and column less, into whose place the last ones come; `column` is room to work in."""
     last = m - 1
     for k in range(m):
         inverse[place, k], inverse[last, k] = inverse[last, k], inverse[place, k]
     for k in range(m):
         inverse[k, place], inverse[k, last] = inverse[k, last], inverse[k, place]
-    entries[place] = entries[last]
     for k in range(last):
         column[k] = inverse[last, k]
     for k in range(last):

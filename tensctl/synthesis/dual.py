@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensctl.jit import jit
+from tensctl.synthesis.bordered import border, reduce
 
 # How the search ended.
 SOLVED, BUSY, INFEASIBLE = 0, 1, 2
@@ -109,12 +110,14 @@ def search(
             forces[p] += way * push
             if leaves >= 0:
                 forces[acting[leaves]] = 0.0
-                _leave(acting, rows, inverse, column, m, leaves)
+                reduce(inverse, m, leaves, column)
                 m -= 1
+                acting[leaves], rows[leaves] = acting[m], rows[m]
                 continue
             if m == room:
                 return BUSY, forces
-            _enter(acting, rows, inverse, follow, m, p, own, curvature)
+            border(inverse, m, follow, curvature)
+            acting[m], rows[m] = p, own
             m += 1
             out = 0.0
 
@@ -166,42 +169,6 @@ def _furthest(
         return -1, 0.0
     value = values[worst] if worst < known else sums[worst - known]
     return worst, lower[worst] - value if lower[worst] - value == out else upper[worst] - value
-
-
-@jit
-def _enter(
-    acting: np.ndarray, rows: np.ndarray, inverse: np.ndarray, follow: np.ndarray, m: int, p: int, own: np.ndarray,
-    curvature: float,
-) -> None:  # fmt: skip
-    """Border the inverse of B_WW."""
-    for k in range(m):
-        part = follow[k] / curvature
-        for i in range(m):
-            inverse[k, i] += part * follow[i]
-        inverse[k, m] = inverse[m, k] = -part
-    inverse[m, m] = 1.0 / curvature
-    acting[m] = p
-    rows[m] = own
-
-
-@jit
-def _leave(
-    acting: np.ndarray, rows: np.ndarray, inverse: np.ndarray, column: np.ndarray, m: int, place: int
-) -> None:  # fmt: skip
-    """Reduce it by one limit; the last one takes its place."""
-    last = m - 1
-    for k in range(m):
-        inverse[place, k], inverse[last, k] = inverse[last, k], inverse[place, k]
-    for k in range(m):
-        inverse[k, place], inverse[k, last] = inverse[k, last], inverse[k, place]
-    acting[place] = acting[last]
-    rows[place] = rows[last]
-    for k in range(last):
-        column[k] = inverse[last, k]
-    for k in range(last):
-        part = column[k] / inverse[last, last]
-        for i in range(last):
-            inverse[k, i] -= part * column[i]
 
 
 @jit

@@ -38,9 +38,8 @@ class DualSolver:
         self._room, self._tol = room, tol
         self._half = np.asfortranarray(np.linalg.cholesky(problem.H))
         rows = problem.rows
-        self._tensions = rows.shape[0] - n
         # Rates first, then tensions; rates are the last n rows.
-        self._order = np.concatenate([np.arange(self._tensions, rows.shape[0]), np.arange(self._tensions)])
+        self._order = np.roll(np.arange(rows.shape[0]), n)
         reduced = sla.solve_triangular(self._half, rows[self._order].T, lower=True)
         self._moves = np.ascontiguousarray(reduced.T @ reduced)
         still = np.zeros(rows.shape[0])

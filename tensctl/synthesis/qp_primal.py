@@ -15,7 +15,7 @@ from jaxtyping import Float
 from tensctl.synthesis import primal
 from tensctl.synthesis.bordered import Form
 from tensctl.synthesis.qp import QP, Solution, judged
-from tensctl.synthesis.relaxed import Relaxed
+from tensctl.synthesis.relaxed import Relaxed, curvature
 
 # Multiplications of one search: 3 to 5 ms. With more the worst step of `benchmarks/mpc_in_time.py` takes over 10 ms.
 WORK = 2e7
@@ -57,14 +57,13 @@ class PrimalSolver:
         work: float = WORK,
         tol: float = _TOL,
     ) -> None:
-        self._stages, self._soft, self._work, self._tol = stages, soft, work, tol
+        self._stages, self._work, self._tol = stages, work, tol
         n, tensions = H.shape[0], rows.shape[0] - H.shape[0]
-        self._relaxed = Relaxed.of(H, rows, stages)
+        self._relaxed = None if soft else Relaxed.of(H, rows, stages)
         by_rate = np.ascontiguousarray(self._summed(rows[:tensions].T))
         G = self._summed(self._summed(H).T)
         self._form = Form(
-            np.ascontiguousarray(0.5 * (G + G.T)), np.ascontiguousarray(by_rate.T), by_rate, self._relaxed.curvature,
-            stages,
+            np.ascontiguousarray(0.5 * (G + G.T)), np.ascontiguousarray(by_rate.T), by_rate, curvature(H), stages,
         )  # fmt: skip
         wide, floors = np.ones(n), -np.ones(tensions)
         rest = primal.Step(0 * wide, 0.0, -wide, wide, floors, -wide, wide)
@@ -72,7 +71,7 @@ class PrimalSolver:
 
     def solve(self, qp: QP) -> Solution:
         """Solve with new f and bounds."""
-        soft = qp if self._soft else self._relaxed.problem(qp)
+        soft = qp if self._relaxed is None else self._relaxed.problem(qp)
         n, r = self._form.by_rate.shape
         size = n + self._stages
         step = primal.Step(
@@ -89,7 +88,7 @@ class PrimalSolver:
         held = np.clip(-push[:n], np.where(at_lower, -np.inf, 0.0), np.where(at_upper, np.inf, 0.0))
         tension, inner = np.minimum(multipliers[:r], 0.0), multipliers[r:]
         slacks = np.minimum(-push[n:], 0.0)
-        if self._soft:
+        if self._relaxed is None:
             z, y = np.append(inputs, x[n:]), np.concatenate([inner, slacks, tension, held])
         elif x[n:].any():
             return judged(qp, None, None, "infeasible" if ended == primal.SOLVED else "failed")

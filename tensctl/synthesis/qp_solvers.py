@@ -60,8 +60,17 @@ def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None =
         In the solver's own measure, and without a bound on the active set's iterations; as a controller asks the
         solver by default.
     """
-    rest = relax(_blank(problem), problem.horizon) if soft else _blank(problem)
     asked: dict[str, Any] = {} if tol is None else {"tol": tol}
+    if name == "dual":
+        from tensctl.synthesis.qp_dual import DualSolver
+
+        return DualSolver(problem, **(asked | {"room": problem.H.shape[0]} if asked else {}))
+    if name == "primal":
+        from tensctl.synthesis.qp_primal import PrimalSolver
+
+        whole = {"work": _WHOLE} if asked or not soft else {}  # who asks for it first wants the optimum
+        return PrimalSolver(problem.H, problem.rows, problem.horizon, soft=soft, **asked, **whole)
+    rest = relax(_blank(problem), problem.horizon) if soft else _blank(problem)
     if name in ("piqp", "clarabel"):
         from tensctl.synthesis.qp_stages import Stages
 
@@ -73,15 +82,6 @@ def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None =
         from tensctl.synthesis.qp_clarabel import ClarabelSolver
 
         return ClarabelSolver(stages, **asked)
-    if name == "dual":
-        from tensctl.synthesis.qp_dual import DualSolver
-
-        return DualSolver(problem, **(asked | {"room": len(rest.f)} if asked else {}))
-    if name == "primal":
-        from tensctl.synthesis.qp_primal import PrimalSolver
-
-        whole = {"work": _WHOLE} if asked or not soft else {}  # who asks for it first wants the optimum
-        return PrimalSolver(problem.H, problem.rows, problem.horizon, soft=soft, **asked, **whole)
     if name == "daqp":
         from tensctl.synthesis.qp_daqp import QUICK, DaqpSolver
 

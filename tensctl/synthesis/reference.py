@@ -50,7 +50,7 @@ class Reference(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Hold:
-    """One equilibrium for ever."""
+    """One equilibrium for ever; a subclass that asks for anything else at some time says so by its `ends`."""
 
     equilibrium: Equilibrium
     ends: ClassVar[float] = -np.inf
