@@ -35,7 +35,7 @@ def shown(rest, nodes, velocities, inputs):
 
 
 def predictive(linear, **given):
-    return tc.MPC(linear, horizon=HORIZON, **{"tension_min": FLOOR, "rate_max": RATE} | given)
+    return tc.MPC(linear, **{"horizon": HORIZON, "tension_min": FLOOR, "rate_max": RATE} | given)
 
 
 class Both:
@@ -43,7 +43,7 @@ class Both:
 
     def __init__(self, python, c):
         self.python, self.c, self.dt = python, c, python.dt
-        self.sensors = getattr(python, "sensors", None)
+        self.sensors, self.delay = getattr(python, "sensors", None), getattr(python, "delay", 0.0)
         self.differences, self.outcomes, self.steps, self.measurements = [], [], [], []
 
     def reset(self):
@@ -58,6 +58,8 @@ class Both:
         self.outcomes.append(outcome)
         self.steps.append((measurement.inputs, u, wanted))
         self.measurements.append(seen)
+        if self.delay:  # both foresee the command that was given, not each its own
+            self.python.restore(self.python.state() | {"command": u})
         return u
 
 
@@ -203,6 +205,25 @@ class TestPredictive:
             assert np.abs(u - mpc.step(0.0, seen)).max() < 1e-9
 
 
+def test_a_delay_is_foreseen(mast, tmp_path):
+    """Commands that act half a period late, 201 steps: the state is predicted to then with the command under way."""
+    dynamics, rest, linear = mast
+    fast = {"tension_min": 2.0, "rate_max": 1.0}
+    late = predictive(linear, delay=0.01, **fast)
+    made = tc.export_c(late, tmp_path)
+    both = Both(late, Compiled(tmp_path / "controller.c", 21))
+    start = random_motion(rest.potential, np.random.default_rng(1), 0.003, 0.05)
+    tc.simulate(dynamics, start, controller=both, t_end=4.0, rate_max=fast["rate_max"])
+    assert len(both.differences) == 201
+    assert max(both.differences) < 1e-9
+    assert {OK, RELAXED} == set(both.outcomes)
+    commands = np.array([u for _, u, _ in both.steps])
+    assert (np.abs(np.diff(commands, axis=0)) <= fast["rate_max"] * both.dt * (1 + 1e-12)).all()
+    prompt = predictive(linear, **fast).step(0.0, shown(rest, *start, rest.inputs))
+    assert np.abs(prompt - commands[0]).max() > 1e-4
+    assert "#define TENSCTL_DELAY 0.01" in made.header
+
+
 class TestFeedback:
     @pytest.mark.parametrize("name", CHARTS)
     def test_every_chart(self, name, tmp_path):
@@ -316,11 +337,9 @@ class TestWhatIsRefused:
             tc.export_c(design(scene), tmp_path)
 
     def test_what_the_source_would_not_do(self, mast, tmp_path):
-        """A delay and an estimator are part of some controllers, and not of the source: it would steer otherwise."""
+        """An estimator is part of some controllers, and not of the source: it would steer otherwise."""
         dynamics, _, linear = mast
         eyes = tc.sensors(dynamics.structure, lengths=1e-4, tensions=0.01)
-        with pytest.raises(OutputError, match=r"a delay of 0\.01 s"):
-            tc.export_c(predictive(linear, delay=0.01), tmp_path)
         with pytest.raises(OutputError, match="estimates from its sensors"):
             tc.export_c(tc.OutputMPC(linear, eyes, horizon=3), tmp_path)
 

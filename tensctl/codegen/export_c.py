@@ -83,7 +83,7 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
 
 
 def _made(controller: Exportable, name: str, max_iterations: int | None) -> CSource:
-    facts: dict[str, Any] = {"name": name, "version": __version__, "number": number, "chart": None}
+    facts: dict[str, Any] = {"name": name, "version": __version__, "number": number, "chart": None, "delay": 0.0}
     if isinstance(controller, LQG):
         facts |= _lqg(controller)
     elif isinstance(controller, MPC):
@@ -156,7 +156,7 @@ def _mpc(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
     curvature, price = relaxation(mpc.problem)
     unknowns = mpc.horizon * (len(mpc.linear.inputs) + 1)
     return {
-        "kind": "mpc", "dt": mpc.dt, "tables": predictive_tables(mpc), "horizon": mpc.horizon,
+        "kind": "mpc", "dt": mpc.dt, "delay": mpc.delay, "tables": predictive_tables(mpc), "horizon": mpc.horizon,
         "tensions": len(mpc.problem.tendons), "curvature": curvature, "price": price,
         "largest": float(abs(mpc.problem.H.diagonal()).max()), "max_iterations": max_iterations or 10 * unknowns,
     }  # fmt: skip

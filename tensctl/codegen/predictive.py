@@ -2,8 +2,9 @@
 
     minimise z'Hz/2 + f'z,   f = F s,   floors <= T z + S s,   |z_k - z_(k-1)| <= reach,   lower <= z <= upper
 
-s = (state, input deviation). H is kept as its lower triangle and as W = L^-1 of H = L L'; tension rows are block
-Toeplitz, so their first block column is all of them; bounds and rate rows need no table.
+s = (state, input deviation) when the command begins to act. H is kept as its lower triangle and as W = L^-1 of
+H = L L'; tension rows are block Toeplitz, so their first block column is all of them; bounds and rate rows need no
+table.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 
 from tensctl.codegen.literals import Table, lower_triangle
 from tensctl.errors import OutputError
+from tensctl.linear.propagate import stretch
 from tensctl.synthesis import MPC, Condensed, OutputMPC
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.reference import Hold
@@ -27,11 +29,10 @@ def predictive_tables(mpc: MPC) -> tuple[Table, ...]:
     Raises
     ------
     OutputError
-        For a controller that estimates, allows for a delay or follows a path, or rows of another form.
+        For a controller that estimates or follows a path, or rows of another form.
     """
-    if isinstance(mpc, OutputMPC) or mpc.delay:
-        what = "estimates from its sensors" if isinstance(mpc, OutputMPC) else f"allows for a delay of {mpc.delay:g} s"
-        raise OutputError(f"this MPC {what}, and the C source has neither; export a tc.MPC without delay.")
+    if isinstance(mpc, OutputMPC):
+        raise OutputError("this MPC estimates from its sensors, and the C source does not; export a tc.MPC.")
     if mpc.signal is not None:
         raise OutputError("this MPC follows a signal, and the C source holds one equilibrium; export one without.")
     if not isinstance(mpc.reference, Hold):
@@ -59,6 +60,19 @@ def predictive_tables(mpc: MPC) -> tuple[Table, ...]:
         Table("input_rest", rest.inputs, "inputs at the equilibrium, m"),
         Table("input_lower", lower, "least total inputs, m"),
         Table("input_upper", upper, "largest total inputs, m"),
+        *_until_it_acts(mpc),
+    )
+
+
+def _until_it_acts(mpc: MPC) -> tuple[Table, ...]:
+    """The model from a sample until the command computed at it begins to act; nothing without delay."""
+    if not mpc.delay:
+        return ()
+    way = stretch(mpc.linear, mpc.delay)
+    return (
+        Table("until_F", way.F, "state when the next command begins to act from the state at the sample"),
+        Table("until_G0", way.G0, "and from the inputs at the sample"),
+        Table("until_G1", way.G1, "and from the command that is reached by then"),
     )
 
 

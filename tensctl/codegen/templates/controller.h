@@ -8,7 +8,11 @@
  *   << part >>
 {% endfor %}
  * u: TENSCTL_INPUTS doubles, total changes of rest length from L0 (m, > 0 shortens), to be reached in a straight line by
+{% if delay %}
+ *   the end of a period that begins TENSCTL_DELAY seconds after the measurement, in this order:
+{% else %}
  *   the end of the period, in this order:
+{% endif %}
 {% for label in inputs %}
  *   << label >>
 {% endfor %}
@@ -23,6 +27,9 @@ extern "C" {
 #define TENSCTL_MEASUREMENT << size >>
 #define TENSCTL_INPUTS << inputs|length >>
 #define TENSCTL_PERIOD << number(dt) >>
+{% if delay %}
+#define TENSCTL_DELAY << number(delay) >>
+{% endif %}
 
 /* How a step was answered. Hard limits hold in every case. */
 enum tensctl_outcome {

@@ -18,8 +18,9 @@ static const double kept = 1e-9; /* a floor that is missed by less is kept, N */
 
 static struct {
     struct tensctl_report report;
-    int begun, planned;
+    int begun, planned; /* whether there was a step, and a plan */
     double command[INPUTS], plan[VARIABLES]; /* total changes of rest length */
+    double begins[INPUTS];                   /* those from which the command of this step departs */
 
     /* The active set: rows and sides (+1 lower, -1 upper), Q R = W A' of them, multipliers. */
     int active, row[CAPACITY], side[CAPACITY];
@@ -41,13 +42,36 @@ static struct {
 
 {% include "active_set.c" %}
 
-/* Vectors of the hard problem from the measurement. */
-static void state_problem(const double *measurement)
+/* State and inputs when the command of this step begins to act, deviations from the equilibrium. */
+static void see_start(const double *measurement)
 {
-    state_of(measurement, measurement + 3 * NODES, self.start);
+    const double *now = measurement + 6 * NODES;
+{% if delay %}
+    /* x(delay) = F x + G0 u + G1 u', u' the command that is under way: it is reached by then. */
+    double x[STATES], change[INPUTS], coming[INPUTS];
+    state_of(measurement, measurement + 3 * NODES, x);
+    memcpy(self.begins, self.begun ? self.command : now, sizeof self.begins);
     for (int i = 0; i < INPUTS; i++) {
-        self.start[STATES + i] = measurement[6 * NODES + i] - input_rest[i];
+        change[i] = now[i] - input_rest[i];
+        coming[i] = self.begins[i] - input_rest[i];
     }
+    memset(self.start, 0, sizeof self.start);
+    add_product(STATES, STATES, 1.0, until_F, x, self.start);
+    add_product(STATES, INPUTS, 1.0, until_G0, change, self.start);
+    add_product(STATES, INPUTS, 1.0, until_G1, coming, self.start);
+    memcpy(self.start + STATES, coming, sizeof coming);
+{% else %}
+    state_of(measurement, measurement + 3 * NODES, self.start);
+    memcpy(self.begins, now, sizeof self.begins);
+    for (int i = 0; i < INPUTS; i++) {
+        self.start[STATES + i] = now[i] - input_rest[i];
+    }
+{% endif %}
+}
+
+/* Vectors of the hard problem from the start. */
+static void state_problem(void)
+{
     self.relaxed = 0;
     self.size = VARIABLES;
     memset(self.f, 0, sizeof self.f);
@@ -95,12 +119,12 @@ static double shortfall(void)
     return worst;
 }
 
-/* What the last plan would do next, or the inputs as they are. */
-static void shift_plan(const double *now)
+/* What the last plan would do next, or no change. */
+static void shift_plan(void)
 {
     for (int k = 0; k < VARIABLES; k++) {
         int next = k + INPUTS < VARIABLES ? k + INPUTS : k;
-        self.plan[k] = self.planned ? self.plan[next] : now[k % INPUTS];
+        self.plan[k] = self.planned ? self.plan[next] : self.begins[k % INPUTS];
         self.z[k] = self.plan[k] - input_rest[k % INPUTS];
     }
 }
@@ -129,8 +153,8 @@ static int solved(void)
 
 static void answer(const double *measurement)
 {
-    const double *now = measurement + 6 * NODES;
-    state_problem(measurement);
+    see_start(measurement);
+    state_problem();
     if (solved()) {
         self.report.outcome = self.relaxed ? TENSCTL_RELAXED : TENSCTL_OK;
         for (int k = 0; k < VARIABLES; k++) {
@@ -139,7 +163,7 @@ static void answer(const double *measurement)
     } else {
         self.report.outcome = TENSCTL_FALLBACK;
         self.active = 0;
-        shift_plan(now);
+        shift_plan();
     }
     remember_shifted();
     self.report.iterations = self.iterations;
@@ -151,7 +175,7 @@ static void answer(const double *measurement)
         self.report.relaxed = 0.0;
     }
     for (int i = 0; i < INPUTS; i++) {
-        double near = clipped(self.plan[i], now[i] - reach[i], now[i] + reach[i]);
+        double near = clipped(self.plan[i], self.begins[i] - reach[i], self.begins[i] + reach[i]);
         self.command[i] = clipped(near, input_lower[i], input_upper[i]);
     }
     self.planned = 1;

@@ -5,7 +5,6 @@ int tensctl_step(const double *measurement, double *u)
     self.report = nothing;
     if (!self.begun) {
         memcpy(self.command, input_rest, sizeof input_rest);
-        self.begun = 1;
     }
     if (all_finite(TENSCTL_MEASUREMENT, measurement)) {
         self.report.outcome = TENSCTL_OK;
@@ -16,6 +15,7 @@ int tensctl_step(const double *measurement, double *u)
         self.known = 0; /* a sample is missing: the estimate begins anew */
     }
 {% endif %}
+    self.begun = 1;
     memcpy(u, self.command, sizeof self.command);
     return self.report.outcome;
 }
