@@ -16,6 +16,7 @@ import numpy as np
 from tensctl.jit import bare, part
 from tensctl.model.kernel import springs
 from tensctl.simulation.drive import drive_bend
+from tensctl.simulation.integrators.conserved import alone, give_back, momenta_of
 from tensctl.simulation.integrators.kept import opened
 from tensctl.simulation.integrators.leap import Moment, begin, copy_moment, leap, rates_at, refresh
 from tensctl.simulation.integrators.rows import fill, take
@@ -24,7 +25,7 @@ from tensctl.simulation.integrators.switching import change_over, first_to_leave
 DONE, STUCK, TOO_LONG, LOST = 0, 1, 2, 3
 """How a march ended."""
 
-# Steps between two probes.
+# Steps between two probes, and between two looks at the momenta.
 _PROBE = 64
 # Landings in a row shorter than 1e-12 of the step: more than this and the motion cannot be followed.
 _LANDINGS = 1000
@@ -163,6 +164,8 @@ def march(brief, wide, journey, q, v, times, step, stride, order, locate, stop, 
     refresh(brief, t, now)
     evaluations, switches, since, stuck, wary, rates_known = 2, 0, _PROBE, 0, 0, False
     turning, speed = pace(rows, now.v)
+    free, steps = alone(rows, work.load) and not drive.swept, 0
+    momenta = momenta_of(rows, now.q, now.v) if free else (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     while t < t_end:
         goal = times[k] if stop else t_end
         shrink = halvings(turning, limits[2])
@@ -215,6 +218,9 @@ def march(brief, wide, journey, q, v, times, step, stride, order, locate, stop, 
             if stuck > _LANDINGS:
                 return STUCK, t, step, evaluations, switches
         since += 1
+        steps += 1
+        if free and steps % _PROBE == 0:
+            give_back(rows, now.q, now.v, momenta)
         reached = goal if count == 1.0 and taken == h else t + taken
         if np.isnan(now.q[0]):
             return LOST, t, h, evaluations, switches
