@@ -2,11 +2,11 @@
 
     v += b h a(q),   q flies for a h;   orders 2, 4 and 6, with a table for short steps and one for long
 
-Symplectic, rod lengths and momenta to rounding, however long. The step follows from the tolerance and a bound on the frequencies at
-rest, and is halved while rods turn or pass faster than that; a probe at the start, after each switch of loads and
-every 64 steps compares one step with two halves, and shortens it for motions that are faster than that bound (spinning
-rods, far from rest). Splitting tables lose their order, and their negative sub-steps anti-damp, when kicks depend on
-velocity: damped scenes are refused.
+Symplectic, rod lengths and momenta to rounding, however long. The step follows from the tolerance and a bound on the
+frequencies at rest, and is halved while rods turn or pass faster than that; a probe at the start, after each switch of
+loads and every 64 steps compares one step with two halves, and shortens it for motions that are faster than that bound
+(spinning rods, far from rest). Splitting tables lose their order, and their negative sub-steps anti-damp, when kicks
+depend on velocity: damped scenes are refused.
 """
 
 from __future__ import annotations
