@@ -93,7 +93,7 @@ def check(scene: SceneFile, /) -> None:
 
 @app.command
 def explain(scene: SceneFile, /) -> None:
-    """Say which terms the model has, which it leaves out and why; and which stages are gone through."""
+    """Say which terms the model has or leaves out, and why; which stages are gone through; how the LQR is made."""
     asked = _load(scene)
     from tensctl.model import build_dynamics
 
@@ -101,6 +101,10 @@ def explain(scene: SceneFile, /) -> None:
     for words, wanted in (("asked for", True), ("left out at no cost", False)):
         names = [name for name, there in asked.stages.items() if there is wanted]
         print(f"stages {words}: {', '.join(names) or 'none'}")
+    if asked.lqr is not None:
+        from tensctl.pipeline import lqr_way
+
+        print(f"LQR: {lqr_way(asked)}")
 
 
 @app.command

@@ -83,14 +83,18 @@ class HarmonicModel:
         if not potential.structure.held.any():
             frame = best_fit(potential, rest, nodes, velocities)
             seen, rates, drift = frame.nodes(nodes), frame.velocities(nodes, velocities), velocities @ frame.rotation
-        moved = [potential.manifold.logarithm(rest, seen), potential.manifold.velocity(rest, seen, rates)]
+        moved = [*self._chart.at(seen, rates)]
         if any(block.drift.size for block in self.blocks):
-            moved.append(potential.manifold.velocity(rest, seen, drift))
+            moved.append(self._chart.at(seen, drift)[1])
         result = []
         for block, z in zip(self.blocks, self._weighed(np.column_stack(moved)), strict=True):
             eta = block.shapes.conj().T @ z[:, :2]
             result.append(np.concatenate([block.scales * eta[:, 0], eta[:, 1], block.drift.conj().T @ z[:, -1]]))
         return result
+
+    @cached_property
+    def _chart(self):
+        return self.equilibrium.potential.manifold.chart(self.equilibrium.nodes)
 
     def modal(self, xi: Float[np.ndarray, "size columns"]) -> list[Inexact[np.ndarray, "_ columns"]]:
         """Modal coordinates eta by harmonic, from tangent coordinates of the whole structure."""

@@ -12,8 +12,10 @@ back to itself after l < n turns: with its images it has l harmonics only, which
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float, Inexact, Int
 
 from tensctl.statics import Equilibrium
@@ -73,11 +75,20 @@ class HarmonicMap:
 
     def motion(self, xi: Float[np.ndarray, "size columns"]) -> list[Inexact[np.ndarray, "sector_size columns"]]:
         """Tangent coordinates of the whole structure as harmonics of the sector's own."""
-        symmetry, columns = self.point.sector.symmetry, xi.shape[1]
-        moved = (self.equilibrium.point.tangent @ xi).reshape(-1, 3, columns)[symmetry.nodes]
-        turned = np.einsum("sji,sajc->aisc", symmetry.turns, moved)
-        own = self.point.sector.manifold.coordinates_of(self.point.nodes, turned.reshape(turned.shape[0] * 3, -1))
-        return self.forward(own.reshape(len(own), self.order, columns).transpose(1, 0, 2))
+        return self.forward((self._to_sectors @ xi).reshape(self.order, -1, xi.shape[1]))
+
+    @cached_property
+    def _to_sectors(self) -> sp.csr_array:
+        """Tangent coordinates of the sectors one after the other, each in its own axes, from those of the whole."""
+        symmetry, point = self.point.sector.symmetry, self.point
+        count = 3 * point.nodes.shape[0]
+        rows = np.arange(self.order * count).reshape(self.order, -1, 3)  # sector, node, axis
+        picked = np.broadcast_to((3 * symmetry.nodes[..., None] + np.arange(3))[:, :, :, None], (*rows.shape, 3))
+        rows = np.broadcast_to(rows[:, :, None, :], picked.shape)
+        turns = np.broadcast_to(symmetry.turns[:, None], picked.shape)
+        turned = sp.coo_array((turns.ravel(), (rows.ravel(), picked.ravel())), shape=(self.order * count,) * 2)
+        own = sp.csr_array(point.sector.manifold.coordinates_of(point.nodes, np.eye(count)))
+        return sp.csr_array(sp.kron(sp.eye_array(self.order), own) @ turned.tocsr() @ self.equilibrium.point.tangent)
 
     def shortening(self, waves: list[Inexact[np.ndarray, "_ *columns"]]) -> Float[np.ndarray, "nu *columns"]:
         """Inputs u of the whole structure from their harmonics."""

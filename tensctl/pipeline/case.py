@@ -30,6 +30,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         controllability=results.controllability,
         study=results.study,
         lqr=results.lqr,
+        lqr_way="" if results.lqr_way is None else str(results.lqr_way),
         lqg=results.lqg,
         path=results.path,
         survey=results.survey,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tensctl.analysis.scaling import input_stiffness
-from tensctl.linear import LinearModel
+from tensctl.linear import HarmonicModel, LinearModel
 from tensctl.linear.outputs import Mix, Output, safe_label
 from tensctl.model import Dynamics
 from tensctl.scene import LqgStage, LqrStage, MpcStage, SensorsStage
@@ -26,6 +26,7 @@ from tensctl.synthesis import (
     Sensors,
     ShapePath,
     Weights,
+    harmonic_weights,
     lqg,
     lqr,
     sensors,
@@ -48,6 +49,23 @@ def cost_of(asked: LqrStage | LqgStage, linear: LinearModel) -> Cost:
     inputs = np.inf if asked.rest_lengths is None else asked.rest_lengths
     sized = weights(flexible, nodes=asked.nodes, tensions=asked.tensions, rest_lengths=inputs)
     return Cost(Q + sized.Q, R + sized.R, sized.N)
+
+
+def harmonic_cost_of(asked: LqrStage | LqgStage, linear: HarmonicModel) -> tuple[Cost, ...]:
+    """The same cost harmonic by harmonic.
+
+    Raises
+    ------
+    SynthesisError
+        When sizes differ from sector to sector.
+    """
+    inputs = np.inf if asked.rest_lengths is None else asked.rest_lengths
+    own = asked.input_weight * input_stiffness(linear) if asked.rest_lengths is None else np.zeros(linear.nu)
+    sized = harmonic_weights(linear, nodes=asked.nodes, tensions=asked.tensions, rest_lengths=inputs)
+    return tuple(
+        Cost(cost.Q + asked.energy_weight * np.eye(block.nx), cost.R + np.diag(own[linear.map.first(block.k)]), cost.N)
+        for block, cost in zip(linear.blocks, sized, strict=True)
+    )
 
 
 def design_lqr(asked: LqrStage, linear: LinearModel) -> LQR | SampledLQR:

@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from tensctl.linear import Frame, LinearModel
     from tensctl.model import Dynamics
     from tensctl.pipeline.certificate import Certificate
+    from tensctl.pipeline.way import Regulator, Way
     from tensctl.scene import Scene
     from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQG, LQR, MPC, NonlinearMPC, PathSurvey, SampledLQR, ScheduledLQR, ShapePath
+    from tensctl.synthesis import LQG, MPC, NonlinearMPC, PathSurvey, ScheduledLQR, ShapePath
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,10 @@ class Results:
     path : ShapePath
     survey : PathSurvey
         What the path is like on the way.
-    lqr : LQR or SampledLQR
+    lqr : LQR or SampledLQR, or either by harmonics
         About the target's equilibrium where there is a target.
+    lqr_way : Way
+        Whether by harmonics or dense, and why.
     scheduled : ScheduledLQR
         Along the path, where the run is steered by it.
     lqg : LQG
@@ -64,7 +67,8 @@ class Results:
     study: Study | None = None
     path: ShapePath | None = None
     survey: PathSurvey | None = None
-    lqr: LQR | SampledLQR | None = None
+    lqr: Regulator | None = None
+    lqr_way: Way | None = None
     scheduled: ScheduledLQR | None = None
     lqg: LQG | None = None
     mpc: MPC | NonlinearMPC | None = None

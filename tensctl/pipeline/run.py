@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tensctl.atomic import replaced_folder
 from tensctl.errors import EquilibriumError, SceneError, SimulationError
@@ -87,7 +87,8 @@ def study(scene: Scene) -> Study:
 def design(scene: Scene) -> LQR | SampledLQR | LQG | MPC:
     """The controller that a scene runs, and nothing else: what `tensctl export SCENE -o FILE.c` writes.
 
-    It is the one that `simulation.controller` names, or the only one that the scene has a section for.
+    It is the one that `simulation.controller` names, or the only one that the scene has a section for. An LQR is
+    designed the dense way: C source holds its gain as a matrix.
 
     Raises
     ------
@@ -102,10 +103,30 @@ def design(scene: Scene) -> LQR | SampledLQR | LQG | MPC:
             f"the scene has {given} [lqr], [lqg] and [mpc]; give one section, or name one in simulation.controller."
         )
     name = asked[0] if named == "none" else named
-    later = dict.fromkeys(("controllability", "simulation", "accuracy", "report"))
+    later: dict[str, Any] = dict.fromkeys(("controllability", "simulation", "accuracy", "report"))
+    if scene.lqr is not None:
+        later["lqr"] = scene.lqr.model_copy(update={"way": "dense"})
     found = getattr(_compute(scene.replaced(**later), Clock()), name)
     assert found is not None
     return found
+
+
+def lqr_way(scene: Scene) -> str:
+    """Whether the LQR of a scene is designed harmonic by harmonic or dense, and why; nothing is designed.
+
+    With a target that is decided by the shape that is planned, so it is left open here.
+    """
+    assert scene.lqr is not None
+    if scene.target is not None:
+        return "decided when the target is planned"
+    from tensctl.pipeline.way import way_of
+
+    later = dict.fromkeys(("controllability", "lqg", "sensors", "mpc", "simulation", "accuracy", "report"))
+    clock = Clock()
+    results = _compute(scene.replaced(**later, lqr=None), clock)
+    linear = _linearize(_model(results, clock), clock).linear
+    assert linear is not None
+    return str(way_of(scene.lqr, linear)[0])
 
 
 def measure_solvers(scene: Scene) -> SolverPrecision:
@@ -244,11 +265,12 @@ def _at_target(results: Results):
 
 
 def _lqr(results: Results, clock: Clock) -> Results:
-    from tensctl.pipeline.feedback import design_lqr
+    from tensctl.pipeline.way import lqr_of
 
     assert results.scene.lqr is not None
     with clock.stage("LQR"):
-        return replace(results, lqr=design_lqr(results.scene.lqr, _at_target(results)))
+        found, way = lqr_of(results.scene.lqr, _at_target(results))
+    return replace(results, lqr=found, lqr_way=way)
 
 
 def _scheduled(results: Results, clock: Clock) -> Results:

@@ -13,7 +13,7 @@ from tensctl.pipeline.results import Results
 if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.simulation import ActuatorDemand, Sanity
-    from tensctl.synthesis import LQG, LQR, MPC, NonlinearMPC, PathSurvey, SampledLQR
+    from tensctl.synthesis import LQG, MPC, NonlinearMPC, PathSurvey
 
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
@@ -25,7 +25,7 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "equilibrium": _equilibrium(results),
         "linear": _linear(results),
         "controllability": None if results.study is None else _study(results.study),
-        "lqr": None if results.lqr is None else _lqr(results.lqr),
+        "lqr": _lqr(results),
         "lqg": None if results.lqg is None else _lqg(results.lqg),
         "target": _target(results),
         "mpc": _mpc(results),
@@ -90,8 +90,12 @@ def _study(study: Study) -> dict:
     return record(study)
 
 
-def _lqr(lqr: LQR | SampledLQR) -> dict:
-    facts = {"riccati_residual": lqr.residual, "slowest_pole": lqr.slowest, "sample_time_s": lqr.dt}
+def _lqr(results: Results) -> dict | None:
+    lqr, way = results.lqr, results.lqr_way
+    if lqr is None or way is None:
+        return None
+    facts = {"way": way.taken, "why": way.why}
+    facts |= {"riccati_residual": lqr.residual, "slowest_pole": lqr.slowest, "sample_time_s": lqr.dt}
     facts["gain_doubt"] = lqr.gain_doubt
     return facts | ({"left_out": [str(mode) for mode in lqr.left]} if lqr.left else {})
 

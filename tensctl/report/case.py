@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQG, LQR, PathSurvey, SampledLQR, ShapePath
+    from tensctl.synthesis import LQG, LQR, HarmonicLQR, HarmonicSampledLQR, PathSurvey, SampledLQR, ShapePath
 
 
 RELAXED_MORE_THAN = 1e-9  # N; below it a relaxation of the tension floor is the solver's rounding, not a decision
@@ -132,6 +132,8 @@ class Case:
         The scene with every default visible.
     equilibrium, linear, controllability, lqr, lqg, path, survey, run, sanity, demand, accuracy, solvers
         Results of the other rooms, read by attribute only: nothing of those rooms is loaded.
+    lqr_way : str
+        How the LQR was designed, and why so.
     limits : Limits, optional
         Drawn into the plots of the run.
     shape_error : (times,) array, optional
@@ -158,7 +160,8 @@ class Case:
     equilibrium: Equilibrium | None = None
     linear: LinearModel | None = None
     controllability: ModalReport | None = None
-    lqr: LQR | SampledLQR | None = None
+    lqr: LQR | SampledLQR | HarmonicLQR | HarmonicSampledLQR | None = None
+    lqr_way: str = ""
     lqg: LQG | None = None
     path: ShapePath | None = None
     survey: PathSurvey | None = None

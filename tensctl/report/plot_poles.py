@@ -13,8 +13,9 @@ from tensctl.report.plots import Plot, Sheet, draw
 
 if TYPE_CHECKING:
     from tensctl.linear import LinearModel
-    from tensctl.synthesis import LQG, LQR, SampledLQR
+    from tensctl.synthesis import LQG, LQR, HarmonicLQR, HarmonicSampledLQR, SampledLQR
 
+    Design = LQR | SampledLQR | HarmonicLQR | HarmonicSampledLQR | LQG
 
 SHEET = Sheet(height=310.0, top=32.0, right=40.0, left=24.0)
 DAMPING = (0.05, 0.1, 0.2, 0.4)  # rays drawn where they cross the plot
@@ -22,7 +23,7 @@ _FAR = 2.0  # part of the highest frequency beyond which a decay is not drawn
 MOST_STATES = 250  # the open loop's poles are computed here, cubic in the states: 20 ms at 250
 
 
-def poles(design: LQR | SampledLQR | LQG | None, linear: LinearModel | None, name: str = "LQR") -> Plot | None:
+def poles(design: Design | None, linear: LinearModel | None, name: str = "LQR") -> Plot | None:
     """Closed-loop poles, and the open loop's where the model is small enough to compute them on the way."""
     if design is None or not np.isfinite(design.poles).any():
         return None
@@ -31,7 +32,7 @@ def poles(design: LQR | SampledLQR | LQG | None, linear: LinearModel | None, nam
     near = -np.real(closed) <= _FAR * np.abs(np.imag(closed)).max()
     closed = closed[near] if near.any() else closed
     before = np.empty(0)
-    if linear is not None and len(linear.flexible.A) <= MOST_STATES:
+    if linear is not None and len(linear.states) <= MOST_STATES:
         before = np.linalg.eigvals(np.asarray(linear.flexible.A))
     named = "poles" if name == "LQR" else f"poles-{name.lower()}"
     return draw(named, f"Poles with and without {name}", lambda axes: _paint(axes, closed, before, name), SHEET)

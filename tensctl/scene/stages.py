@@ -78,9 +78,19 @@ class FeedbackStage(CostStage):
 
 
 class LqrStage(FeedbackStage):
-    """`[lqr]`: state feedback, of the sampled loop where a period is given."""
+    """`[lqr]`: state feedback, of the sampled loop where a period is given.
+
+    `way` says whether a cyclically symmetric structure is designed harmonic by harmonic; auto: where that is faster.
+    """
 
     dt: Annotated[float | None, Number("s", above=0)] = None
+    way: Literal["auto", "harmonics", "dense"] = "auto"
+
+    @model_validator(mode="after")
+    def _leaves_out_densely(self) -> Self:
+        if self.way == "harmonics" and self.stabilisable_only:
+            raise complaint('is "harmonics", which leave no mode out; expected "dense" with stabilisable_only', "way")
+        return self
 
 
 class SensorsStage(Section):

@@ -11,8 +11,12 @@ J. Sci. Comput. 15, 1994); they are no bound.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.linalg as sla
+from jaxtyping import Float, Int
 
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
@@ -20,47 +24,86 @@ from tensctl.threads import one_blas_thread
 _PROBES = 4
 
 
+@dataclass(frozen=True)
+class Doubt:
+    """What is known of one gain, or of one harmonic of it, in |W^1/2 .| (Frobenius).
+
+    Attributes
+    ----------
+    residual : float
+        Change of the gain by what the equation leaves.
+    rounding : (probes,)
+        Changes by a few random changes of the data.
+    size : float
+        The gain itself.
+    """
+
+    residual: float
+    rounding: Float[np.ndarray, " probes"]
+    size: float
+
+    @property
+    def relative(self) -> float:
+        """The change over the gain."""
+        return (self.residual + self.rounding.max()) / self.size if self.size > 0 else 0.0
+
+
+def doubt_of_all(doubts: Sequence[Doubt], copies: Int[np.ndarray, " harmonics"]) -> Doubt:
+    """Of a gain in harmonics, each there so many times: squares add up, since the transform is unitary."""
+
+    def together(values: Iterable) -> np.ndarray:
+        return np.sqrt(copies @ np.square(list(values)))
+
+    residual, size = together(one.residual for one in doubts), together(one.size for one in doubts)
+    return Doubt(float(residual), together(one.rounding for one in doubts), float(size))
+
+
 @one_blas_thread()
 def gain_doubt(
     A: np.ndarray, B: np.ndarray, cost: Cost, P: np.ndarray, K: np.ndarray, *, sampled: bool = False,
     rounding: float = float(np.finfo(float).eps),
-) -> float:  # fmt: skip
-    """Estimate of |W^1/2 dK| over |W^1/2 K| (Frobenius), to first order: of the residual, and of the data's rounding.
+) -> Doubt:  # fmt: skip
+    """Estimate of |W^1/2 dK| beside |W^1/2 K|, to first order: of the residual, and of the data's rounding.
 
     Parameters
     ----------
-    A, B, cost, P, K : the data and the optimum, u = -K x
+    A, B, cost, P, K : the data and the optimum, u = -K x; real, or complex with Hermitian weights
     sampled : bool
     rounding : float
         Relative change of each entry of A, B and the weights.
     """
-    loop, rng = A - B @ K, np.random.default_rng(0)
+    loop, rng, back = A - B @ K, np.random.default_rng(0), B.conj().T
     after, before = (P @ loop, loop) if sampled else (P, np.eye(len(A)))
-    W = cost.R + B.T @ P @ B if sampled else cost.R
+    W = cost.R + back @ P @ B if sampled else cost.R
     root = sla.cholesky(W, lower=True)
 
     def change(E: np.ndarray, straight: np.ndarray | float) -> float:
-        moved = B.T @ _solution(loop, E, np.sqrt(np.diag(P)), sampled) @ before + straight
+        moved = back @ _solution(loop, E, np.sqrt(np.real(np.diag(P))), sampled) @ before + straight
         return float(np.linalg.norm(sla.solve_triangular(root, moved, lower=True)))
 
     def noise(M: np.ndarray) -> np.ndarray:
         return rounding * M * rng.choice([-1.0, 1.0], M.shape)
 
     def probe() -> float:
-        dA, dB, dN, dQ, dR = noise(A), noise(B), noise(cost.N), np.triu(noise(cost.Q)), np.triu(noise(cost.R))
-        dQ, dR = dQ + np.triu(dQ, 1).T, dR + np.triu(dR, 1).T
-        half = after.T @ (dA - dB @ K) - dN @ K
-        straight = dB.T @ after + dN.T - dR @ K + (B.T @ P @ (dA - dB @ K) if sampled else 0.0)
-        return change(half + half.T + dQ + K.T @ dR @ K, straight)
+        dA, dB, dN, dQ, dR = noise(A), noise(B), noise(cost.N), _mirrored(noise(cost.Q)), _mirrored(noise(cost.R))
+        half = after.conj().T @ (dA - dB @ K) - dN @ K
+        straight = dB.conj().T @ after + dN.conj().T - dR @ K + (back @ P @ (dA - dB @ K) if sampled else 0.0)
+        return change(half + half.conj().T + dQ + K.conj().T @ dR @ K, straight)
 
-    weighed = cost.Q + K.T @ cost.R @ K - cost.N @ K - (cost.N @ K).T
-    left = weighed + (loop.T @ after - P if sampled else loop.T @ P + P @ loop)
-    size = float(np.linalg.norm(root.T @ K))
-    return (change(left, 0.0) + max(probe() for _ in range(_PROBES))) / size if size > 0 else 0.0
+    crossed = cost.N @ K
+    weighed = cost.Q + K.conj().T @ cost.R @ K - crossed - crossed.conj().T
+    left = weighed + (loop.conj().T @ after - P if sampled else loop.conj().T @ P + P @ loop)
+    size = float(np.linalg.norm(root.conj().T @ K))
+    return Doubt(change(left, 0.0), np.array([probe() for _ in range(_PROBES)]), size)
+
+
+def _mirrored(M: np.ndarray) -> np.ndarray:
+    """The Hermitian matrix of an upper triangle."""
+    return np.triu(M) + np.triu(M, 1).conj().T
 
 
 def _solution(loop: np.ndarray, E: np.ndarray, scale: np.ndarray, sampled: bool) -> np.ndarray:
     """Y of L(Y) + E = 0, each state seen over its scale."""
     apart = np.outer(scale, scale)
-    form, W = (loop * np.outer(scale, 1 / scale)).T, E / apart
+    form, W = (loop * np.outer(scale, 1 / scale)).conj().T, E / apart
     return apart * (sla.solve_discrete_lyapunov(form, W) if sampled else sla.solve_continuous_lyapunov(form, -W))

@@ -21,11 +21,13 @@ from tensctl.linear import HarmonicModel, LinearModel, sample_ramped
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import optimal
 from tensctl.synthesis.feedback import Measured, Memoryless, command
+from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR, sampled_design
 from tensctl.synthesis.harmonic_margins import enclosed_margin
-from tensctl.synthesis.harmonic_riccati import by_harmonic, name_lost, poles_of, residual_of, stable
+from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, name_lost, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks, Costs, checked_costs
 from tensctl.synthesis.margins import Sensitivity
+from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -69,6 +71,17 @@ class HarmonicLQR(Memoryless):
     def slowest(self) -> float:
         """Real part of the slowest pole, 1/s; negative when the loop is stable."""
         return float(np.real(self.poles).max(initial=-np.inf))
+
+    @property
+    def left(self) -> tuple[LeftOut, ...]:
+        """No mode is left out: one that is neither damped nor driven is refused."""
+        return ()
+
+    @cached_property
+    def gain_doubt(self) -> float:
+        """Estimated relative change of R^1/2 K by the residual and by rounding of the data of each harmonic."""
+        parts = zip(self.linear.blocks, self.costs, self.P, self.K, strict=True)
+        return doubt_of(self.linear, (gain_doubt(b.A, b.B, cost, P, K) for b, cost, P, K in parts))
 
     @cached_property
     def dt(self) -> float:

@@ -19,10 +19,12 @@ from tensctl.linear import HarmonicModel, LinearModel, Sampled, sample_ramped
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import Optimum, optimal
 from tensctl.synthesis.feedback import Measured, Memoryless, command
-from tensctl.synthesis.harmonic_riccati import by_harmonic, poles_of, residual_of, stable
+from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.over_period import ramped_cost
+from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -78,6 +80,20 @@ class HarmonicSampledLQR(Memoryless):
     def slowest(self) -> float:
         """Real part of the slowest pole, 1/s; negative when the loop is stable."""
         return float(np.real(self.poles).max(initial=-np.inf))
+
+    @property
+    def left(self) -> tuple[LeftOut, ...]:
+        """No mode is left out: one that is neither damped nor driven is refused."""
+        return ()
+
+    @cached_property
+    def gain_doubt(self) -> float:
+        """Estimated relative change of (R + B*PB)^1/2 K by the residual and by rounding of each harmonic's data."""
+        parts = zip(self.sampled, self.period_costs, self.blocks, strict=True)
+        return doubt_of(
+            self.linear,
+            (gain_doubt(*s.with_input_state(), cost, b.P, b.K, sampled=True) for s, cost, b in parts),
+        )
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:

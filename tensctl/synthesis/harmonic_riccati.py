@@ -18,6 +18,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import left_over
+from tensctl.synthesis.gain_doubt import Doubt, doubt_of_all
 from tensctl.synthesis.weights import Cost
 
 Solved = TypeVar("Solved")
@@ -58,6 +59,11 @@ def residual_of(linear: HarmonicModel, equations: Iterable[Equation], *, sampled
     lefts, terms = zip(*(left_over(*one, sampled=sampled) for one in equations), strict=True)
     copies = np.array([block.copies for block in linear.blocks])
     return float(np.sqrt(copies @ np.square(lefts)) / np.sqrt(copies @ np.square(terms)).sum())
+
+
+def doubt_of(linear: HarmonicModel, doubts: Iterable[Doubt]) -> float:
+    """Estimated relative change of the gain of the whole structure, from those of its harmonics."""
+    return doubt_of_all(list(doubts), np.array([block.copies for block in linear.blocks])).relative
 
 
 def stable(loop: np.ndarray, P: np.ndarray, *, sampled: bool = False) -> bool:

@@ -90,7 +90,7 @@ class LQR(Memoryless):
         """Estimated relative change of R^1/2 K by the residual and by rounding of the data."""
         T = self.basis
         cost = Cost(T.T @ self.Q @ T, self.R, T.T @ self.N)
-        return gain_doubt(T.T @ self.A @ T, T.T @ self.B, cost, T.T @ self.P @ T, self.K @ T)
+        return gain_doubt(T.T @ self.A @ T, T.T @ self.B, cost, T.T @ self.P @ T, self.K @ T).relative
 
     @cached_property
     def sensitivity(self) -> Sensitivity:

@@ -87,7 +87,7 @@ class SampledLQR(Memoryless):
         A, B = self.sampled.with_input_state()
         T, cost = self.basis, self.period_cost
         inside = Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
-        return gain_doubt(T.T @ A @ T, T.T @ B, inside, T.T @ self.P @ T, self.K @ T, sampled=True)
+        return gain_doubt(T.T @ A @ T, T.T @ B, inside, T.T @ self.P @ T, self.K @ T, sampled=True).relative
 
     @cached_property
     def sensitivity(self) -> Sensitivity:
