@@ -26,7 +26,9 @@ import page
 
 import tensctl as tc
 from tensctl.jit import jit
-from tensctl.model.kernel import elastic_forces, place_nodes, pushes, springs
+from tensctl.model.kernel import springs
+from tensctl.simulation.integrators.pulls import tendon_forces
+from tensctl.simulation.integrators.rows import fill, place_rows, push_rows, rows_of
 
 # Shells that hold themselves up, as far as they are known; (100,50) is taken with the slack that comes.
 SIZES = {
@@ -58,26 +60,27 @@ def stream(data, place, rest, count):
 
 
 @jit
-def forces_only(data, place, rest, load, count):
-    """The kernel's tendon forces on all nodes, again and again."""
-    force, gap, spring = np.zeros_like(load), np.zeros_like(rest), np.zeros_like(rest)
-    springs(data, rest, np.ones_like(rest), spring)
+def forces_only(rows, place, rest, load, count):
+    """The splitting's tendon forces on all rod ends, again and again."""
+    force, gap, spring, span = np.zeros_like(load), np.zeros_like(rest), np.zeros_like(rest), np.zeros(3 * rest.size)
+    springs(rows, rest, np.ones_like(rest), spring)
     for _ in range(count):
-        elastic_forces(data, place, rest, spring, 0.0, load, force, gap)
+        tendon_forces(rows, place, rest, spring, 0.0, load, span, force, gap)
     return force[0]
 
 
 @jit
-def right_hand_side(data, q, rest, load, count):
+def right_hand_side(rows, place, q, rest, load, count):
     """Nodes, forces and accelerations."""
-    place, force, push = data.anchor.reshape(load.size).copy(), np.zeros_like(load), np.zeros_like(q)
-    gap, spring = np.zeros_like(rest), np.zeros_like(rest)
-    springs(data, rest, np.ones_like(rest), spring)
+    force, push, at = np.zeros_like(load), np.zeros(6 * rows.row), np.zeros(6 * rows.row)
+    gap, spring, span = np.zeros_like(rest), np.zeros_like(rest), np.zeros(3 * rest.size)
+    fill(rows, q, at)
+    springs(rows, rest, np.ones_like(rest), spring)
     for _ in range(count):
-        place_nodes(data, q, place)
-        elastic_forces(data, place, rest, spring, 0.0, load, force, gap)
-        pushes(data, q, force, push)
-    return push[0, 3]
+        place_rows(rows, at, place)
+        tendon_forces(rows, place, rest, spring, 0.0, load, span, force, gap)
+        push_rows(rows, at, force, push)
+    return push[0]
 
 
 def least(call: Callable[[int], object], count: int) -> float:
@@ -113,12 +116,13 @@ def one(n: int, m: int) -> list[str]:
     kernel, rest = dynamics.kernel, dynamics.members.rest_lengths
     tendons = len(dynamics.structure.tendons)
     count = max(_LEAST, _VISITS // tendons)
-    place, load = dynamics.structure.nodes.ravel(), dynamics.members.forces.ravel()
+    rows = rows_of(dynamics)
+    place, load = rows.nodal(dynamics.structure.nodes), rows.nodal(dynamics.members.forces)
     q = dynamics.rod_coordinates(dynamics.structure.nodes)
     spent = (
-        least(lambda c: stream(kernel, place, rest, c), count),
-        least(lambda c: forces_only(kernel, place, rest, load, c), count),
-        least(lambda c: right_hand_side(kernel, q, rest, load, c), count),
+        least(lambda c: stream(kernel, dynamics.structure.nodes.ravel(), rest, c), count),
+        least(lambda c: forces_only(rows, place, rest, load, c), count),
+        least(lambda c: right_hand_side(rows, place, q, rest, load, c), count),
         stage(dynamics, count),
     )
     cells = [f"{1e9 * s / tendons:.2f}" for s in spent]

@@ -87,25 +87,6 @@ def tug(data, force, a, b, x, y, z):
     force[b + two] -= z
 
 
-@part
-def elastic_forces(data, place, rest, spring, least, load, force, gap):
-    """External and spring forces on each node; gap = length - rest length, of which at least `least` counts.
-
-    With least = 0 a slack tendon carries nothing. With -inf a spring pushes: whoever calls then sets `spring` to zero
-    for slack tendons and sees to it that none changes over.
-    """
-    one, two = np.uint64(data.row), np.uint64(2 * data.row)
-    for i in range(force.size):
-        force[i] = load[i]
-    for t in range(rest.size):
-        a, b = data.tail_at[t], data.head_at[t]
-        x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
-        length = np.sqrt(x * x + y * y + z * z + _NOTHING)
-        gap[t] = length - rest[t]
-        pull = spring[t] * max(gap[t], least) / length
-        tug(data, force, a, b, pull * x, pull * y, pull * z)
-
-
 @bare
 def haul(data, s, pull, place, force):
     """Add what a segment under a tension does to the nodes at its ends."""
@@ -118,7 +99,11 @@ def haul(data, s, pull, place, force):
 
 @bare
 def cable_forces(data, place, rest, spring, least, load, force, gap):
-    """`elastic_forces` of a structure with cables: the gap of all of a tendon's segments, then the pull of each."""
+    """External forces and those of cables on each node: the gap of all of a cable's segments, then the pull of each.
+
+    gap = length - rest length, of which at least `least` counts. With least = 0 a slack cable carries nothing. With
+    -inf a spring pushes: whoever calls then sets `spring` to zero for slack ones and sees to it that none changes over.
+    """
     one, two = np.uint64(data.row), np.uint64(2 * data.row)
     for i in range(force.size):
         force[i] = load[i]

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tensctl.jit import bare, part
-from tensctl.model.kernel import cable_forces, cable_rates, elastic_forces, gap_rates, springs
+from tensctl.model.kernel import cable_forces, cable_rates, gap_rates, springs
 from tensctl.simulation.drive import drive_at, drive_rate
 from tensctl.simulation.integrators.flight import fly, kick, swift, trim
 from tensctl.simulation.integrators.kept import Kept, opened
+from tensctl.simulation.integrators.pulls import tendon_forces
 from tensctl.simulation.integrators.rows import Rows, place_rows, push_rows
 from tensctl.simulation.integrators.tables import Table
 
@@ -51,6 +52,8 @@ class Scratch(NamedTuple):
     load, place, speed, force : (size,) nodal vectors in rows
     nodal, nodal_rate : (3N,)
         Loads node by node, where they change.
+    span : (3 nt,)
+        Room of `tendon_forces`, unless there are cables.
     least : float, m
         Gap that a tendon at least counts: 0 when slack is seen to stage by stage, -inf when springs are frozen.
     """
@@ -66,6 +69,7 @@ class Scratch(NamedTuple):
     place: np.ndarray
     speed: np.ndarray
     force: np.ndarray
+    span: np.ndarray
     least: float
 
 
@@ -110,7 +114,7 @@ def scratch(rows: Rows, anchor: np.ndarray, *, frozen: bool) -> Scratch:
     load, speed, force = (np.zeros(rows.size) for _ in range(3))
     return Scratch(
         on, spring, closest, rest, rest_rate, load, nodal, nodal_rate, rows.nodal(anchor), speed, force,
-        -np.inf if frozen else 0.0,
+        np.zeros(0 if rows.cables else 3 * rows.stiffness.size), -np.inf if frozen else 0.0,
     )  # fmt: skip
 
 
@@ -154,7 +158,7 @@ def push_at(rows, drive, t, now, work):
     if rows.cables:
         cable_forces(rows, work.place, work.rest, work.spring, work.least, work.load, work.force, now.gap)
     else:
-        elastic_forces(rows, work.place, work.rest, work.spring, work.least, work.load, work.force, now.gap)
+        tendon_forces(rows, work.place, work.rest, work.spring, work.least, work.load, work.span, work.force, now.gap)
     push_rows(rows, now.q, work.force, now.push)
 
 

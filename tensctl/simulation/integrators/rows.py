@@ -49,6 +49,14 @@ class Rows(NamedTuple):
         Place of x of each of the kernel's nodes.
     size : int
         Places of all nodes.
+    ends : (2 rods,) uint64
+        Places of x of the rods' ends.
+    last : (2 rods,) uint64
+        Entries of `meeting` and `side` up to those of each end.
+    meeting : (2 nt,) uint64
+        Tendons at one rod end after another.
+    side : (2 nt,)
+        1 where it is the tendon's tail, -1 where it is its head.
     """
 
     stiffness: np.ndarray
@@ -69,6 +77,10 @@ class Rows(NamedTuple):
     base: np.ndarray
     where: np.ndarray
     size: int
+    ends: np.ndarray
+    last: np.ndarray
+    meeting: np.ndarray
+    side: np.ndarray
 
     def nodal(self, nodes: np.ndarray) -> np.ndarray:
         """Nodal vectors (N, 3) in rows, (size,)."""
@@ -93,6 +105,10 @@ def rows_of(dynamics: Dynamics) -> Rows:
     tails, heads = (hold == _TAIL)[:, None], (hold == _HEAD)[:, None]
     base = np.where(tails, 2 * ends[0], np.where(heads, 2 * ends[1], ends[0] + ends[1]))
 
+    tail_at, head_at = where[kernel.tail_at // 3], where[kernel.head_at // 3]
+    rod_ends = np.concatenate([where[kernel.rod_tail], where[kernel.rod_head]])
+    last, meeting, side = meetings(rod_ends, tail_at, head_at)
+
     def row(values: np.ndarray, filling: float = 0.0) -> np.ndarray:
         return np.concatenate([values, np.full(lanes - count, filling)])
 
@@ -100,8 +116,8 @@ def rows_of(dynamics: Dynamics) -> Rows:
         stiffness=kernel.stiffness,
         by_strain=kernel.by_strain,
         cables=kernel.cables,
-        tail_at=where[kernel.tail_at // 3].astype(np.uint64),
-        head_at=where[kernel.head_at // 3].astype(np.uint64),
+        tail_at=tail_at.astype(np.uint64),
+        head_at=head_at.astype(np.uint64),
         row=lanes,
         pieces=kernel.pieces,
         rods=count,
@@ -115,7 +131,21 @@ def rows_of(dynamics: Dynamics) -> Rows:
         base=np.concatenate([row(np.where(free, 0.0, base[:, i])) for i in range(3)]),
         where=where,
         size=(6 + 3 * -(-alone.size // lanes)) * lanes,
+        ends=rod_ends.astype(np.uint64),
+        last=last.astype(np.uint64),
+        meeting=meeting.astype(np.uint64),
+        side=side,
     )
+
+
+def meetings(ends: np.ndarray, tail_at: np.ndarray, head_at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`last`, `meeting` and `side` of `Rows`: who ends where, the ground left out."""
+    tendons, places = np.tile(np.arange(tail_at.size), 2), np.concatenate([tail_at, head_at])
+    side, order = np.repeat([1.0, -1.0], tail_at.size), np.argsort(ends)
+    end = order[np.minimum(np.searchsorted(ends, places, sorter=order), ends.size - 1)]
+    met = np.flatnonzero(ends[end] == places)
+    met = met[np.argsort(end[met], kind="stable")]
+    return np.cumsum(np.bincount(end[met], minlength=ends.size)), tendons[met], side[met]
 
 
 @part
