@@ -11,7 +11,7 @@ from support import network_scene, order_of, reference_prism, shell_scene, solve
 
 import tensctl as tc
 from tensctl.analysis import KrylovRank, Reach, Study
-from tensctl.analysis.krylov import krylov_rank
+from tensctl.analysis.krylov import krylov_matrix, krylov_rank
 from tensctl.analysis.nearness import gains
 from tensctl.analysis.scaling import energy_inputs, input_sizes
 from tensctl.cli import main
@@ -239,6 +239,17 @@ class TestStudy:
         found = krylov_rank(solved(shell_scene(4, 2))[2])
         assert found is None
 
+    def test_the_krylov_matrix_is_that_of_python_control(self, free, mast):
+        """Bit by bit: the rank that is printed is the one that `control.ctrb` leads to."""
+        import control
+
+        for _, _, linear in (free, mast):
+            A, B = linear.flexible.A, linear.flexible.B
+            assert np.array_equal(krylov_matrix(A, B), control.ctrb(A, B))
+        A, B = 1e200 * np.eye(3, k=1), np.ones((3, 1))
+        with np.errstate(over="ignore", invalid="ignore"):
+            assert np.array_equal(krylov_matrix(A, B), control.ctrb(A, B), equal_nan=True)
+
     def test_words_about_the_krylov_rank(self):
         assert "few enough for double precision" in str(KrylovRank(12, 12, 3.0))
         assert "rounding" in str(KrylovRank(22, 48, 30.0))
@@ -259,6 +270,15 @@ class TestStudy:
             "import sys, tensctl as tc; scene = tc.Scene(structure=dict(kind='prism', n=3), linearize={}); "
             f"tc.run(scene, {str(tmp_path / 'out')!r}); "
             "print([m for m in sys.modules if m.startswith('tensctl.analysis') or m in ('control', 'cvxpy', 'daqp')])"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == "[]"
+
+    def test_python_control_is_not_loaded_for_its_rank(self):
+        code = (
+            "import sys, tensctl as tc; from tensctl.pipeline.run import study; "
+            "assert study(tc.Scene(structure=dict(kind='prism', n=3))).krylov.rank > 0; "
+            "print([m for m in ('control', 'scipy.signal') if m in sys.modules])"
         )
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         assert done.stdout.strip() == "[]"

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from tensctl.linear import LinearModel
 
@@ -48,15 +49,27 @@ class KrylovRank:
         )
 
 
+def krylov_matrix(A: Float[np.ndarray, "n n"], B: Float[np.ndarray, "n nu"]) -> Float[np.ndarray, "n m"]:
+    """The matrix of `control.ctrb`, [B, AB, ... A^(n-1) B] by repeated products, to its last bit.
+
+    Written out here, since python-control takes longer to load than everything else of a report's controllability.
+    """
+    n, nu = B.shape
+    matrix = np.empty((n, n * nu))
+    matrix[:, :nu] = B
+    for k in range(nu, n * nu, nu):
+        matrix[:, k : k + nu] = np.dot(A, matrix[:, k - nu : k])
+    return matrix
+
+
 def krylov_rank(linear: LinearModel) -> KrylovRank | None:
-    """Rank of python-control's Krylov matrix on the flexible model; None for models too large to be asked."""
+    """Rank of `control.ctrb`'s matrix on the flexible model; None for models too large to be asked."""
     flexible = linear.flexible
     A, B = flexible.A, flexible.B
     if not 0 < len(A) <= _STATES or not B.shape[1]:
         return None
-    import control
-
-    matrix = np.asarray(control.ctrb(A, B))
+    with np.errstate(over="ignore", invalid="ignore"):
+        matrix = krylov_matrix(A, B)
     omega = np.sort(np.sqrt(np.abs([mode.omega2 for mode in flexible.modes])))
     spread = omega[-1] / omega[0] if omega[0] > 0 else np.inf
     rank = int(np.linalg.matrix_rank(matrix)) if np.isfinite(matrix).all() else None
