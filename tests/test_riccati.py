@@ -203,3 +203,46 @@ class TestDiscrete:
         A = np.array([[c, s, 0], [-s, c, 0], [0, 0, 0.5]])
         with pytest.raises(tc.SynthesisError, match="Riccati equation"):
             dare(A, np.array([[0.0], [0.0], [1.0]]), np.eye(3), np.eye(1))
+
+    @pytest.mark.parametrize("ratio", [1e4, 1e6, 1e8, 1e12])
+    def test_a_stiff_mode_decides_nothing_about_a_soft_one(self, ratio):
+        """One mode is driven, the other weighed by so much: each keeps its own solution, however large |G| |X|."""
+        parts = [
+            (turned(0.3), np.array([[0.0], [ratio]]), np.eye(2)),
+            (turned(1.0), np.eye(2)[:, :1], ratio * np.eye(2)),
+        ]
+        A, B, Q = (scipy.linalg.block_diag(*each) for each in zip(*parts, strict=True))
+        alone = [np.diag(dare(*part, np.eye(1)).X) for part in parts]
+        assert np.diag(dare(A, B, Q, np.eye(2)).X) == pytest.approx(np.concatenate(alone), rel=1e-13, abs=0)
+
+    @pytest.mark.parametrize("drive", [0.0, 1e-16])
+    def test_refuses_beside_a_stiff_mode_what_rounding_alone_drives(self, drive):
+        """The second mode has no more of the stiff one's input than rounding leaves there."""
+        with pytest.raises(tc.SynthesisError, match="neither damped nor driven"):
+            dare(*beside_a_stiff_mode(drive))
+
+    def test_takes_beside_a_stiff_mode_what_is_driven_weakly(self):
+        """Drives of 1e-12 and 1e-10 of the stiff mode's: the decay is known, since it is proportional to them."""
+
+        def decay(drive):
+            A, B, Q, R = beside_a_stiff_mode(drive)
+            found = dare(A, B, Q, R)
+            assert discrete_residual(A, B, Q, R, found.X) < 1e-10
+            return 1 - np.abs(np.linalg.eigvals(A - B @ found.K)).max()
+
+        assert decay(1e-12) > 0
+        assert decay(1e-12) == pytest.approx(1e-2 * decay(1e-10), rel=1e-5)
+
+
+def beside_a_stiff_mode(drive):
+    """A, B, Q, R of three undamped modes; the second has so much of the third's input, which is 1e4 times stronger."""
+    A = scipy.linalg.block_diag(turned(0.3), turned(0.7), turned(1.0))
+    B = np.zeros((6, 2))
+    B[1, 0], B[3, 1], B[5, 1] = 1.0, 1e4 * drive, 1e4
+    return A, B, np.diag([1.0, 0, 1.0, 0, 1e-8, 0]), np.eye(2)
+
+
+def turned(angle):
+    """One undamped step of a mode."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]])

@@ -174,7 +174,7 @@ class TestSampled:
         stiff = {"stiffness": {"*": 100.0, "t5_*": 1e10}, "rest_ratio": {"*": 0.8, "t5_*": 1 - 2e-9}}
         _, _, linear = solved(shell_scene(pins=["P1_*_1"], tendons=stiff))
         with pytest.raises(tc.SynthesisError, match="ramps hardly drive it; shorten dt"):
-            tc.lqr(linear, dt=0.02)
+            tc.lqr(linear, dt=0.1)
 
     def test_period(self, mast):
         with pytest.raises(tc.SynthesisError, match="dt is 0; a control period > 0 s"):
@@ -306,6 +306,8 @@ class TestExtremes:
         tc.lqr(linear).verify(1e-14)
         for energy in (1.0, None):
             tc.lqr(linear, cost=tc.weights(linear, energy=energy, nodes=0.01, rest_lengths=0.05)).verify(1e-12)
+        for dt in (0.02, 0.001):
+            tc.lqr(linear, cost=tc.weights(linear, energy=1.0, nodes=0.01, rest_lengths=0.05), dt=dt).verify(1e-10)
 
     def test_frequencies_over_six_decades(self, rng):
         """Undamped oscillators with stiffness ratio 1e12, weighed by energy."""
