@@ -19,6 +19,7 @@ from tensctl.report.pack import FEWEST_FRAMES, FRAME_BYTES, pack, unpack_nodes
 from tensctl.report.page import render
 from tensctl.report.strips import spread
 from tensctl.report.thin import thinned, thinned_band
+from tensctl.synthesis.margins import Sensitivity
 
 # ---------------------------------------------------------------- made-up cases that look like real ones
 
@@ -115,12 +116,16 @@ class FakeControllability:
     note: str = ""
 
 
+HALF = Sensitivity(-np.eye(2), np.eye(2), -0.5 * np.eye(2), None)
+
+
 @dataclass(frozen=True)
 class FakeLqr:
     poles: np.ndarray
     residual: float
     gain_doubt: float = 1e-12
     left: tuple = ()
+    sensitivity: Sensitivity = HALF
 
 
 @dataclass(frozen=True)
@@ -752,3 +757,15 @@ def test_a_gain_that_its_data_leave_open_is_marked(doubt, mark):
     design = FakeLqr(np.array([-1.0 + 2j, -1.0 - 2j]), 1e-16, doubt)
     (tile,) = (tile for tile in facts.tiles(replace(full_case(), lqr=design)) if tile.label == "LQR residual")
     assert tile.mark == mark
+
+
+def test_margins_are_shown_with_both_ends_or_with_the_reason():
+    """S = 1 - 1/(2(s + 1)): alpha is 2. A loop too large for all inputs says so and shows the weakest input."""
+    page = render(full_case())
+    assert "disk margin α between" in page
+    assert "gain times" in page
+    large = Sensitivity(-np.eye(641), np.ones((641, 1)), -np.ones((1, 641)), None)
+    design = FakeLqr(np.array([-1.0 + 0j]), 1e-16, sensitivity=large)
+    page = render(replace(full_case(), lqr=design))
+    assert "it takes minutes on a loop of 641 states" in page
+    assert page.count("α between") == 1

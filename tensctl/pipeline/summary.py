@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.simulation import ActuatorDemand, Sanity
     from tensctl.synthesis import LQG, MPC, NonlinearMPC, PathSurvey
+    from tensctl.synthesis.margins import DiskMargin, Sensitivity
 
 
 def summarise(results: Results, seconds: dict[str, float]) -> dict:
@@ -97,11 +98,11 @@ def _lqr(results: Results) -> dict | None:
     facts = {"way": way.taken, "why": way.why}
     facts |= {"riccati_residual": lqr.residual, "slowest_pole": lqr.slowest, "sample_time_s": lqr.dt}
     facts["gain_doubt"] = lqr.gain_doubt
+    facts |= _margins(lqr.sensitivity, lqr.linear.inputs)
     return facts | ({"left_out": [str(mode) for mode in lqr.left]} if lqr.left else {})
 
 
 def _lqg(lqg: LQG) -> dict:
-    whole, single = lqg.margins
     facts = {
         "states": lqg.order,
         "measured": len(lqg.sensors.labels),
@@ -110,12 +111,32 @@ def _lqg(lqg: LQG) -> dict:
         "filter_riccati_residual": lqg.filter.residual,
         "slowest_pole": lqg.slowest,
         "separation": lqg.separation,
-        "disk_margin": whole.alpha,
-        "disk_margin_of_one_input": min(margin.alpha for margin in single),
+        **_margins(lqg.sensitivity, lqg.linear.inputs),
         "expected_cost_of_a_period": lqg.expected_cost,
         "node_deviation_from_sensor_noise_m": lqg.shake,
     }
     return facts | ({"left_out": [str(mode) for mode in lqg.left]} if lqg.left else {})
+
+
+def _margins(sensitivity: Sensitivity, inputs: tuple[str, ...]) -> dict:
+    """Disk margins, enclosed: of all inputs at once, or why not, and of the input that bears least alone."""
+    weakest, which = sensitivity.weakest_input
+    if sensitivity.costly:
+        facts: dict = {"disk_margin_left_out": sensitivity.costly}
+    else:
+        facts = _margin("disk_margin", sensitivity.all_inputs)
+    return facts | _margin("disk_margin_of_one_input", weakest) | {"weakest_input": inputs[which]}
+
+
+def _margin(name: str, margin: DiskMargin) -> dict:
+    """Its lower end, and what that allows, and its upper end."""
+    low, high = margin.gain
+    return {
+        name: margin.alpha,
+        f"{name}_at_most": margin.largest,
+        f"{name}_gain": [low, high if np.isfinite(high) else None],
+        f"{name}_phase_deg": margin.phase,
+    }
 
 
 def _target(results: Results) -> dict | None:

@@ -24,6 +24,9 @@ _TOL = 1e-6
 _ROUNDS = 40
 # Eigenvalues nearer to the boundary than this part of the largest are looked at as crossings.
 _NEAR = 1e-7
+# Frequencies of poles that are tried first. More of them cost more than the spectrum that a missed peak costs: of LQR
+# of an (8,4) shell, 592 states, all of them take 39 s and one spectrum 0.7 s.
+_TRIED = 40
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Peak:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """C (sI - A)^-1 B + D, or with z = exp(s dt) for s; A is stable."""
+    """C (sI - A)^-1 B + D, or with z = exp(s dt) for s."""
 
     A: np.ndarray
     B: np.ndarray
@@ -64,6 +67,12 @@ class System:
         form, drive, show = self.schur
         point = 1j * omega if self.dt is None else np.exp(1j * omega * self.dt)
         return self.D + show @ sla.solve_triangular(point * np.eye(len(form)) - form, drive)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole is."""
+        poles = np.diag(self.schur[0])
+        return bool((np.real(poles) < 0).all() if self.dt is None else (np.abs(poles) < 1).all())
 
     def gain(self, omega: float) -> float:
         """Largest singular value there."""
@@ -100,7 +109,7 @@ class System:
 
 
 def hinf(system: System, *, start: float | None = None, tol: float = _TOL, least: float = 0.0) -> Peak:
-    """Enclose the largest gain of a stable system.
+    """Enclose the largest gain of a system; it is infinite when the system is not stable.
 
     Parameters
     ----------
@@ -112,7 +121,9 @@ def hinf(system: System, *, start: float | None = None, tol: float = _TOL, least
     least : float
         Of gains below this it is enough to know that they are; the upper end is then at it.
     """
-    tried = system.pole_frequencies() if start is None else np.array([start])
+    if not system.stable:
+        return Peak(np.inf, np.inf, np.inf)
+    tried = _some(system.pole_frequencies()) if start is None else np.array([start])
     low, omega = float(np.linalg.norm(system.D, 2)), np.inf
     # A gain above a level from zero frequency on, or up to half the sampling rate, crosses it once only.
     ends = np.array([0.0] if system.dt is None else [0.0, np.pi / system.dt])
@@ -134,6 +145,11 @@ def hinf(system: System, *, start: float | None = None, tol: float = _TOL, least
         if tol > 1:
             break
     return Peak(low, np.inf, omega)
+
+
+def _some(frequencies: np.ndarray) -> np.ndarray:
+    """Evenly many of all."""
+    return frequencies[np.unique(np.linspace(0, frequencies.size - 1, _TRIED).astype(int))]
 
 
 def _highest(system: System, frequencies: np.ndarray, low: float, omega: float) -> tuple[float, float]:

@@ -28,7 +28,7 @@ from tensctl.synthesis.kalman import Kalman, kalman, white_forces
 from tensctl.synthesis.loop import Loop, close
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.lyapunov import Lyapunov
-from tensctl.synthesis.margins import DiskMargin
+from tensctl.synthesis.margins import DiskMargin, Sensitivity
 from tensctl.synthesis.over_period import integral, ramped_cost
 from tensctl.synthesis.reduced import reduced
 from tensctl.synthesis.sensors import Reading, Sensors
@@ -133,10 +133,15 @@ class LQG(Estimating):
             return None
         return small_gain(self.plant, self.regulator.K, self.cost.R, self.estimator)
 
-    @cached_property
+    @property
     def margins(self) -> tuple[DiskMargin, tuple[DiskMargin, ...]]:
-        """Disk margins at the plant's inputs: of all at once, and of each alone."""
-        return self.loop.sensitivity.margins()
+        """Enclosed disk margins at the plant's inputs: of all at once, and of each alone."""
+        return self.sensitivity.all_inputs, self.sensitivity.each_input
+
+    @property
+    def sensitivity(self) -> Sensitivity:
+        """From what disturbs the plant's inputs to these."""
+        return self.loop.sensitivity
 
     @cached_property
     def covariance(self) -> Lyapunov:

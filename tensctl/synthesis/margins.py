@@ -4,8 +4,8 @@
 
 All inputs may be multiplied at once by gains between (2 - alpha)/(2 + alpha) and its inverse, or turned by phases up to
 2 atan(alpha/2), and the loop stays stable (Seiler, Packard and Gahinet, IEEE Control Syst. Mag. 40(5), 2020). With one
-input at a time S_ii takes the place of S. The maximum is searched on a grid that holds every pole's frequency, then
-refined; `enclosure` and `enclosures` tell from eigenvalues whether a peak between its points was missed.
+input at a time S_ii takes the place of S. Both maxima are enclosed, not swept: of S by eigenvalues on the boundary of
+stability (`hinf`), of S_ii by bounds between frequencies (`single_peaks`).
 """
 
 from __future__ import annotations
@@ -14,28 +14,35 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.optimize as so
 
-from tensctl.synthesis.hinf import System, hinf
+from tensctl.synthesis.hinf import Peak, System, hinf
+from tensctl.synthesis.single_peaks import highest_peak, peaks
 
-_GRID = 150
-# Peaks of the grid that are refined.
-_REFINED = 3
+# States of a loop up to which its margin of all inputs at once is asked for unbidden. It costs three or so spectra of
+# twice the states: 10 s at this size when sampled, five minutes at 1800.
+_STATES = 640
 
 
 @dataclass(frozen=True)
 class DiskMargin:
-    """A disk margin and where it was found.
+    """Enclosure of a disk margin; gain and phase are those of its lower end.
 
     Attributes
     ----------
-    alpha : float
-        0 nothing, 2 everything.
+    alpha, largest : float
+        Least and largest value that it can have: 0 nothing may change, 2 everything.
     frequency : float, Hz
+        Where `largest` was found; infinite when it is the limit there.
     """
 
     alpha: float
+    largest: float
     frequency: float
+
+    @classmethod
+    def of(cls, peak: Peak) -> DiskMargin:
+        """That of a peak of |S - I/2|."""
+        return cls(1 / peak.high, 1 / peak.low, peak.omega / (2 * np.pi))
 
     @property
     def gain(self) -> tuple[float, float]:
@@ -51,55 +58,49 @@ class DiskMargin:
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """S = I + C (sI - A)^-1 B, or with z = exp(s dt) for s, by one Schur form for all frequencies."""
+    """S = I + C (sI - A)^-1 B, or with z = exp(s dt) for s. The margins of a loop that is not stable are 0."""
 
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
     dt: float | None
 
-    @cached_property
-    def _system(self) -> System:
-        return System(self.A, self.B, self.C, np.eye(self.B.shape[1]), self.dt)
-
     def at(self, omega: float) -> np.ndarray:
-        """S at an angular frequency, (nu, nu)."""
-        return self._system.at(omega)
+        """S at an angular frequency, (nu, nu), by one Schur form for all frequencies."""
+        return self._half.at(omega) + 0.5 * np.eye(self.B.shape[1])
+
+    @property
+    def costly(self) -> str | None:
+        """Why `all_inputs` is better not asked for in passing; None where it takes seconds."""
+        n = len(self.A)
+        if n <= _STATES:
+            return None
+        return f"not asked for: it takes minutes on a loop of {n} states, seconds up to {_STATES}"
+
+    @cached_property
+    def all_inputs(self) -> DiskMargin:
+        """When all inputs change at once, each in its own way: a few spectra of twice the loop."""
+        return DiskMargin.of(hinf(self._half))
+
+    @cached_property
+    def each_input(self) -> tuple[DiskMargin, ...]:
+        """When one input changes alone, for each."""
+        return tuple(map(DiskMargin.of, peaks(self.A, self.B, self.C, 0.5, self.dt)))
+
+    @cached_property
+    def weakest_input(self) -> tuple[DiskMargin, int]:
+        """The least of `each_input` and the number of its input, at the cost of the loop's spectrum."""
+        peak, which = highest_peak(self.A, self.B, self.C, 0.5, self.dt)
+        return DiskMargin.of(peak), which
 
     def enclosure(self) -> tuple[float, float]:
-        """Least and largest value that alpha of all inputs at once can have, from the H-infinity norm of S - I/2."""
-        peak = hinf(System(self.A, self.B, self.C, 0.5 * np.eye(self.B.shape[1]), self.dt))
-        return 1 / peak.high, 1 / peak.low
+        """Least and largest value that alpha of all inputs at once can have."""
+        return self.all_inputs.alpha, self.all_inputs.largest
 
     def enclosures(self) -> tuple[tuple[float, float], ...]:
-        """Least and largest value that alpha of each input alone can have: a spectrum or two of twice the loop each."""
-        half = np.array([[0.5]])
-        alone = [System(self.A, self.B[:, [i]], self.C[[i]], half, self.dt) for i in range(self.B.shape[1])]
-        return tuple((1 / peak.high, 1 / peak.low) for peak in map(hinf, alone))
+        """Least and largest value that alpha of each input alone can have."""
+        return tuple((one.alpha, one.largest) for one in self.each_input)
 
-    def margins(self) -> tuple[DiskMargin, tuple[DiskMargin, ...]]:
-        """Of all inputs at once, and of each alone."""
-        grid = self._frequencies()
-        half = 0.5 * np.eye(self.B.shape[1])
-        shown = np.stack([self.at(omega) - half for omega in grid])
-        whole = self._peak(grid, np.linalg.norm(shown, 2, axis=(1, 2)), lambda S: np.linalg.norm(S - half, 2))
-        single = [self._peak(grid, np.abs(shown[:, i, i]), lambda S, i=i: abs(S[i, i] - 0.5)) for i in range(len(half))]
-        return whole, tuple(single)
-
-    def _frequencies(self) -> np.ndarray:
-        poles = np.diag(self._system.schur[0])
-        if self.dt is not None:
-            poles = np.log(poles[np.abs(poles) > 1e-6]) / self.dt
-        sizes = np.abs(poles)
-        low, high = sizes.min() / 10, sizes.max() * 10 if self.dt is None else np.pi / self.dt
-        inside = np.concatenate([np.geomspace(low, high, _GRID), np.abs(np.imag(poles)), sizes])
-        return np.unique(inside[(inside >= low) & (inside <= high)])
-
-    def _peak(self, grid: np.ndarray, values: np.ndarray, size) -> DiskMargin:
-        best, at = values.max(), grid[values.argmax()]
-        for k in np.argsort(-values)[:_REFINED]:
-            bounds = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, grid.size - 1)])
-            found = so.minimize_scalar(lambda w: -size(self.at(w)), bounds=bounds, method="bounded")
-            if -found.fun > best:
-                best, at = -found.fun, found.x
-        return DiskMargin(float(1 / best), float(at / (2 * np.pi)))
+    @cached_property
+    def _half(self) -> System:
+        return System(self.A, self.B, self.C, 0.5 * np.eye(self.B.shape[1]), self.dt)
