@@ -107,6 +107,17 @@ class TestLQG:
         assert max(least, other_least) <= min(largest, other_largest) * (1 + 1e-9)
         assert largest - least < 1e-4 * least
 
+    @pytest.mark.parametrize("dt", [None, DT])
+    def test_margins_of_one_input_are_those_of_the_whole_loop(self, dt):
+        """With motors that come back to themselves after one turn beside tendons of every sector."""
+        given = DRIVEN | {"actuators": {"tendons": ["t1_*", "t4_*"], "gangs": {"ring": {"t6_*": 1.0}}}}
+        linear, model, eyes = dense_and_harmonic((4, 1), given, {"lengths": 1e-3})
+        assert len(model.map.shared) == 1
+        margin, which = tc.harmonic_lqg(model, eyes, dt=dt).sensitivity.weakest_input
+        each = tc.lqg(linear, eyes, dt=dt).sensitivity.each_input
+        assert margin.alpha == pytest.approx(min(one.alpha for one in each), rel=1e-5)
+        assert each[which].alpha <= margin.largest
+
     def test_runs_and_goes_on_from_its_memory(self, small, rng):
         """On the nonlinear structure in step with the dense design; its state restores to the last bit."""
         dynamics, rest, linear, model, eyes = small

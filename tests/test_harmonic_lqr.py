@@ -145,6 +145,20 @@ def test_margins_are_those_of_the_whole_loop(small):
     assert max(least, other_least) <= min(largest, other_largest) * (1 + 1e-9)
 
 
+def test_margins_of_one_input_are_those_of_the_whole_loop(small):
+    """Sums over harmonics and the dense loop enclose one number, and name images of one tendon."""
+    _, _, linear, model, design = small
+    for found, dense in (
+        (design, tc.lqr(linear)),
+        (tc.harmonic_lqr(model, dt=0.02), tc.lqr(linear, dt=0.02)),
+    ):
+        margin, which = found.sensitivity.weakest_input
+        each = dense.sensitivity.each_input
+        assert margin.alpha == pytest.approx(min(one.alpha for one in each), rel=1e-5)
+        assert each[which].alpha <= margin.largest
+        assert margin.largest == pytest.approx(margin.alpha, rel=1e-5)
+
+
 def test_brings_the_structure_to_rest(small, rng):
     """From a small disturbance, on the full nonlinear structure, in step with the dense design."""
     dynamics, rest, linear, _, design = small

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.simulation import ActuatorDemand, Sanity
     from tensctl.synthesis import LQG, MPC, NonlinearMPC, PathSurvey
+    from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
     from tensctl.synthesis.margins import DiskMargin, Sensitivity
 
 
@@ -27,7 +28,7 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "linear": _linear(results),
         "controllability": None if results.study is None else _study(results.study),
         "lqr": _lqr(results),
-        "lqg": None if results.lqg is None else _lqg(results.lqg),
+        "lqg": None if results.lqg is None else _lqg(results.lqg, results),
         "target": _target(results),
         "mpc": _mpc(results),
         "simulation": _simulation(results),
@@ -98,11 +99,11 @@ def _lqr(results: Results) -> dict | None:
     facts = {"way": way.taken, "why": way.why}
     facts |= {"riccati_residual": lqr.residual, "slowest_pole": lqr.slowest, "sample_time_s": lqr.dt}
     facts["gain_doubt"] = lqr.gain_doubt
-    facts |= _margins(lqr.sensitivity, lqr.linear.inputs)
+    facts |= _margins(lqr.sensitivity, results)
     return facts | ({"left_out": [str(mode) for mode in lqr.left]} if lqr.left else {})
 
 
-def _lqg(lqg: LQG) -> dict:
+def _lqg(lqg: LQG, results: Results) -> dict:
     facts = {
         "states": lqg.order,
         "measured": len(lqg.sensors.labels),
@@ -111,21 +112,25 @@ def _lqg(lqg: LQG) -> dict:
         "filter_riccati_residual": lqg.filter.residual,
         "slowest_pole": lqg.slowest,
         "separation": lqg.separation,
-        **_margins(lqg.sensitivity, lqg.linear.inputs),
+        **_margins(lqg.sensitivity, results),
         "expected_cost_of_a_period": lqg.expected_cost,
         "node_deviation_from_sensor_noise_m": lqg.shake,
     }
     return facts | ({"left_out": [str(mode) for mode in lqg.left]} if lqg.left else {})
 
 
-def _margins(sensitivity: Sensitivity, inputs: tuple[str, ...]) -> dict:
-    """Disk margins, enclosed: of all inputs at once, or why not, and of the input that bears least alone."""
-    weakest, which = sensitivity.weakest_input
+def _margins(sensitivity: Sensitivity | HarmonicSensitivity, results: Results) -> dict:
+    """Disk margins, enclosed: of all inputs at once, and of the input that bears least alone; or why not."""
+    assert results.linear is not None
+    facts: dict = {}
     if sensitivity.costly:
-        facts: dict = {"disk_margin_left_out": sensitivity.costly}
+        facts["disk_margin_left_out"] = sensitivity.costly
     else:
-        facts = _margin("disk_margin", sensitivity.all_inputs)
-    return facts | _margin("disk_margin_of_one_input", weakest) | {"weakest_input": inputs[which]}
+        facts |= _margin("disk_margin", sensitivity.all_inputs)
+    if sensitivity.costly_alone:
+        return facts | {"disk_margin_of_one_input_left_out": sensitivity.costly_alone}
+    weakest, which = sensitivity.weakest_input
+    return facts | _margin("disk_margin_of_one_input", weakest) | {"weakest_input": results.linear.inputs[which]}
 
 
 def _margin(name: str, margin: DiskMargin) -> dict:

@@ -23,7 +23,7 @@ from tensctl.synthesis.feedback import command
 from tensctl.synthesis.harmonic_kalman import HarmonicKalman, harmonic_kalman
 from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR
-from tensctl.synthesis.harmonic_margins import enclosed_margin
+from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_weights import Blocks, Costs
 from tensctl.synthesis.loop import Loop, close
 from tensctl.synthesis.lqr_sampled import continuous_poles
@@ -92,10 +92,14 @@ class HarmonicLQG(Estimating):
             total += block.copies * loop.cost(loop.noise(one.W, one.V).X, cost)
         return total
 
-    @one_blas_thread()
     def enclosure(self) -> tuple[float, float]:
         """Least and largest value of the disk margin at the plant's inputs, of all at once."""
-        return enclosed_margin(loop.sensitivity for loop in self.loops)
+        return self.sensitivity.enclosure()
+
+    @cached_property
+    def sensitivity(self) -> HarmonicSensitivity:
+        """From what disturbs the plant's inputs to these."""
+        return HarmonicSensitivity.of(self.linear, (loop.sensitivity for loop in self.loops))
 
     @property
     def _costs(self) -> tuple[Cost, ...]:

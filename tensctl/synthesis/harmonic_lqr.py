@@ -23,7 +23,7 @@ from tensctl.synthesis.crossed import optimal
 from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR, sampled_design
-from tensctl.synthesis.harmonic_margins import enclosed_margin
+from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, name_lost, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks, Costs, checked_costs
 from tensctl.synthesis.margins import Sensitivity
@@ -93,11 +93,15 @@ class HarmonicLQR(Memoryless):
             dt /= 2
         raise SynthesisError(f"the sampled loop is unstable even at a sample time of {dt:.1e} s; raise R.")
 
-    @one_blas_thread()
     def enclosure(self) -> tuple[float, float]:
         """Least and largest value of the disk margin at the plant's inputs, of all at once, in continuous time."""
+        return self.sensitivity.enclosure()
+
+    @cached_property
+    def sensitivity(self) -> HarmonicSensitivity:
+        """From what disturbs the plant's inputs to these, in continuous time."""
         parts = zip(self.linear.blocks, self.K, strict=True)
-        return enclosed_margin(Sensitivity(b.A - b.B @ K, b.B, -K, None) for b, K in parts)
+        return HarmonicSensitivity.of(self.linear, (Sensitivity(b.A - b.B @ K, b.B, -K, None) for b, K in parts))
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:

@@ -20,9 +20,11 @@ from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import Optimum, optimal
 from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks
 from tensctl.synthesis.lqr_sampled import continuous_poles
+from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.over_period import ramped_cost
 from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.weights import Cost
@@ -93,6 +95,14 @@ class HarmonicSampledLQR(Memoryless):
         return doubt_of(
             self.linear,
             (gain_doubt(*s.with_input_state(), cost, b.P, b.K, sampled=True) for s, cost, b in parts),
+        )
+
+    @cached_property
+    def sensitivity(self) -> HarmonicSensitivity:
+        """From what disturbs the commands to these, once a period: its margins are those of the commands."""
+        parts = zip(self.sampled, self._loops, self.K, strict=True)
+        return HarmonicSensitivity.of(
+            self.linear, (Sensitivity(loop, own.with_input_state()[1], -K, own.dt) for own, loop, K in parts)
         )
 
     @one_blas_thread()

@@ -20,7 +20,7 @@ from tensctl.synthesis.single_peaks import highest_peak, peaks
 
 # States of a loop up to which its margin of all inputs at once is asked for in passing. It costs one to four spectra of
 # twice the states: 4 s in continuous time at 592 states, 22 s when sampled at 888.
-_STATES = 640
+STATES = 640
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,14 @@ class Sensitivity:
     def costly(self) -> str | None:
         """Why `all_inputs` is better not asked for in passing; None where it takes seconds."""
         n = len(self.A)
-        if n <= _STATES:
+        if n <= STATES:
             return None
-        return f"left out: a loop of {n} states takes tens of seconds or minutes, one of up to {_STATES} seconds"
+        return f"left out: a loop of {n} states takes tens of seconds or minutes, one of up to {STATES} seconds"
+
+    @property
+    def costly_alone(self) -> str | None:
+        """The same of `weakest_input`, which costs less than the design."""
+        return None
 
     @cached_property
     def all_inputs(self) -> DiskMargin:

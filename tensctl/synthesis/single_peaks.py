@@ -12,6 +12,7 @@ without being a cluster of equal ones it says too much, and `peaks` asks `hinf`,
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,8 @@ from jaxtyping import Complex, Float
 from tensctl.synthesis.hinf import Peak, System, hinf
 
 _TOL = 1e-6
+# Entries of the largest array, 16 MB.
+_ENTRIES = 2**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +83,17 @@ class Expansion:
         while start.size:
             middle = 0.5 * (start + stop)
             low, omega, which = self._highest(middle, low, omega, which)
-            open_ = self._bounds(start, middle, stop).max(axis=0) > low * (1 + 2 * tol)
+            open_ = self._in_parts(self._bounds, start, middle, stop).max(axis=0) > low * (1 + 2 * tol)
             start, middle, stop = start[open_], middle[open_], stop[open_]
             start, stop = np.concatenate([start, middle]), np.concatenate([middle, stop])
-        return Peak(low - self.error, low * (1 + 2 * tol) + self.error, omega), which
+        # The value d at infinity is exceeded somewhere on the boundary of stability, or it is all of them.
+        return Peak(max(low - self.error, self.direct), low * (1 + 2 * tol) + self.error, omega), which
+
+    def _in_parts(self, work: Callable[..., np.ndarray], *frequencies: np.ndarray) -> np.ndarray:
+        """What a method gives of many frequencies, a part of them at a time."""
+        parts = 1 + frequencies[0].size * len(self.poles) // _ENTRIES
+        split = (np.array_split(one, parts) for one in frequencies)
+        return np.concatenate([work(*part) for part in zip(*split, strict=True)], axis=1)
 
     def _pole_frequencies(self) -> np.ndarray:
         if self.dt is None:
@@ -91,7 +101,7 @@ class Expansion:
         return np.unique(np.concatenate([[0.0, np.pi / self.dt], np.abs(np.angle(self.poles)) / self.dt]))
 
     def _highest(self, at: np.ndarray, low: float, omega: float, which: int) -> tuple[float, float, int]:
-        gains = np.abs(self.at(at))
+        gains = np.abs(self._in_parts(self.at, at))
         i, k = np.unravel_index(gains.argmax(), gains.shape)
         return (float(gains[i, k]), float(at[k]), int(i)) if gains[i, k] > low else (low, omega, which)
 
