@@ -99,6 +99,12 @@ def test_a_member_that_fails_stops_no_other(shell):
         ({}, "vary nothing"),
         ({"stiffness": np.ones((2, 23))}, r"stiffness of the variations have shape \(2, 23\); one row \(24,\)"),
         ({"mass": np.ones((2, 6)), "stiffness": np.ones((3, 24))}, r"numbers of members \(stiffness 3, mass 2\)"),
+        ({"mass": np.zeros((1, 6))}, "mass of the variations go down to 0; finite numbers > 0"),
+        ({"stiffness": np.full((1, 24), -1.0)}, "stiffness of the variations go down to -1; finite numbers > 0"),
+        ({"rest_lengths": np.full((1, 24), -1.0)}, "rest_lengths of the variations go down to -1"),
+        ({"damping": np.full((1, 24), -5.0)}, "damping of the variations goes down to -5; finite numbers >= 0"),
+        ({"damping": np.full((1, 24), np.nan)}, "damping of the variations goes down to nan"),
+        ({"forces": np.full((1, 12, 3), np.inf)}, "forces of the variations have entries"),
     ],
 )
 def test_refusals(shell, given, sentence):

@@ -6,6 +6,7 @@ from support import MIXED_PINS, random_motion, replaced, shell_scene
 
 import tensctl as tc
 from tensctl.simulation import momenta
+from tensctl.simulation.integrators.choose import fitting
 
 SCENES = {
     "taut and free": shell_scene(tendons={"rest_ratio": 0.5}),
@@ -80,6 +81,15 @@ def test_large_structures_are_refused(judge):
     dynamics = tc.build_dynamics(shell_scene(12, 6))
     with pytest.raises(tc.SimulationError, match=f"{judge} is for up to 400 tendons, not 696"):
         tc.simulate(dynamics, dynamics.structure.nodes, t_end=0.1, method=judge)
+
+
+def test_auto_takes_no_judge_of_large_structures():
+    """Stiff dampers on joints: CVODES up to its 400 tendons, beyond them what can move the structure."""
+    taken = [
+        fitting(tc.build_dynamics(shell_scene(n, 6, cls=2, tendons={"damping": {"ratio": 100.0}})), 1e-10)[0]
+        for n in (3, 11)
+    ]
+    assert taken == ["cvodes", "dopri5"]
 
 
 def test_a_solver_that_gives_up_is_quoted_without_its_sources():

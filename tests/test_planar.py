@@ -235,6 +235,19 @@ class TestMotion:
         assert (runs[0].nodes[..., 2] == 0).all()
         assert runs[0].nodes == pytest.approx(runs[1].nodes, abs=1e-8)
 
+    @pytest.mark.parametrize("name", ["guided", "jointed"])
+    def test_cvodes_moves_it_as_the_kernel_does(self, name):
+        """Its forces have two components a node too: weight, loads, a push."""
+        dynamics = tc.build_dynamics(in_plane(CASES[name], gravity={"g": 2.0}, **loaded(CASES[name])))
+        node = dynamics.structure.node_labels[1]
+        given = {"t_end": 0.5, "timepts": [0, 0.25, 0.5], "pushes": [tc.Push(node, (1.0, -0.5, 0.0), 0.1, 0.3)]}
+        ours, theirs = (
+            tc.simulate(dynamics, dynamics.structure.nodes, method=method, tol=1e-9, **given)
+            for method in ("dopri5", "cvodes")
+        )
+        assert np.abs(ours.nodes[-1] - ours.nodes[0]).max() > 1e-2
+        assert theirs.nodes == pytest.approx(ours.nodes, abs=1e-6)
+
     def test_explained(self):
         flat = tc.build_dynamics(in_plane(CASES["free"]))
         deep = tc.build_dynamics(tc.Scene(structure=replace(flat.structure, planar=False)))

@@ -25,6 +25,9 @@ from tensctl.simulation.simulate import simulate
 if TYPE_CHECKING:
     import xarray
 
+# Scenes want these > 0, and so does a batch.
+_POSITIVE = ("stiffness", "rest_lengths", "mass")
+
 
 @dataclass(frozen=True, eq=False)
 class Variations:
@@ -122,7 +125,7 @@ def simulate_many(
     Raises
     ------
     SimulationError
-        Variations of no member, or of shapes that do not fit the structure.
+        Variations of no member, of shapes that do not fit the structure, or of values that no member can have.
     """
     given = variations.given
     count = _count(dynamics, given)
@@ -164,10 +167,22 @@ def _count(dynamics: Dynamics, given: dict[str, np.ndarray]) -> int:
             raise SimulationError(
                 f"{name} of the variations have shape {array.shape}; one row {wanted[name]} a member is expected."
             )
+        _check_values(name, array)
     if len(counts) > 1:
         sizes = ", ".join(f"{name} {len(array)}" for name, array in given.items())
         raise SimulationError(f"the variations have different numbers of members ({sizes}); one number is expected.")
     return counts.pop()
+
+
+def _check_values(name: str, array: np.ndarray) -> None:
+    """Refuse what no member can have; where members start is judged member by member."""
+    low, fine = array.min(initial=np.inf), np.isfinite(array).all()
+    if name in _POSITIVE and not (fine and low > 0):
+        raise SimulationError(f"{name} of the variations go down to {low:g}; finite numbers > 0 are expected.")
+    if name == "damping" and not (fine and low >= 0):
+        raise SimulationError(f"damping of the variations goes down to {low:g}; finite numbers >= 0 are expected.")
+    if name == "forces" and not fine:
+        raise SimulationError("forces of the variations have entries that are no finite numbers.")
 
 
 def _gathered(dynamics: Dynamics, times: np.ndarray, found: list[Run | str]) -> Batch:

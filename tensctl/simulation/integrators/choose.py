@@ -82,9 +82,13 @@ def fitting(dynamics: Dynamics, tol: float) -> tuple[Method, str]:
     ratio = dynamics.fastest_decay / dynamics.fastest_rate if dynamics.damped else 0.0
     if ratio > _STIFF:
         why = f"dampers decay up to {ratio:.0f} times faster than the structure swings: stiff"
-        if dynamics.tied or dynamics.structure.has_cables:
+        if not (dynamics.tied or dynamics.structure.has_cables):
+            return "rosenbrock", why
+        from tensctl.simulation.integrators.judge import MOST
+
+        if len(dynamics.structure.tendons) <= MOST:
             return "cvodes", f"{why}, and rosenbrock knows no joints, guides or cables"
-        return "rosenbrock", why
+        return "dopri5", f"{why}, but rosenbrock knows no joints, guides or cables, and cvodes is for {MOST} tendons"
     if dynamics.tied:
         return "dopri5", "joints or guides: accelerations with multipliers, projected after each step"
     if dynamics.damped:

@@ -48,10 +48,10 @@ class Cvodes(Judge):
         t, span = ca.MX.sym("t"), ca.MX.sym("span", 2)
         x = ca.MX.sym("x", self._rate.size1_in("x"))
         rest, force = inputs_at(drive, span[0] + t * span[1])
-        nodal = ca.vertcat(*(ca.vertsplit(force, 3)[k] for k in dynamics.layout.place))
-        rate = self._rate(
-            x, ca.DM(dynamics.members.rest_lengths) - rest, nodal - ca.DM(dynamics.members.forces.ravel())
-        )
+        axes, members = dynamics.structure.dimension, dynamics.members
+        nodal = ca.vertcat(*(ca.vertsplit(force, 3)[k][:axes] for k in dynamics.layout.place))
+        pushes = nodal - ca.DM(members.forces[:, :axes].ravel())
+        rate = self._rate(x, ca.DM(members.rest_lengths) - rest, pushes)
         method = "bdf" if dynamics.damped else "adams"
         options = self.options | {"linear_multistep_method": method, "nonlinear_solver_iteration": "newton"}
         return ca.integrator("cvodes", "cvodes", {"x": x, "t": t, "p": span, "ode": span[1] * rate}, 0.0, 1.0, options)
