@@ -43,6 +43,24 @@ def test_report_says_what_was_checked(folder):
     assert "LQG: residual of the loop" in page
 
 
+def test_gains_that_are_hardly_known_are_told(folder, tmp_path):
+    """One motor, one sensor and a symmetry broken by 1e-6: residuals are at rounding, the filter's gain is not."""
+    assert "known only to" not in (folder / "report.html").read_text(encoding="utf-8")
+    scene = tc.Scene(
+        structure={"kind": "prism", "n": 3, "pins": ["a*"]},
+        tendons={"stiffness": {"*": 100.0, "top2": 100.0 * (1 + 1e-6)}},
+        actuators={"tendons": ["side1"]},
+        sensors={"lengths": {"side1": 1e-3}},
+        lqg={"stabilisable_only": True},
+        report={},
+    )
+    tc.run(scene, tmp_path / "out")
+    found = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["lqg"]
+    assert found["filter_riccati_residual"] < 1e-9
+    assert found["filter_gain_doubt"] > 1e-3
+    assert "known only to" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
 def test_spelled_scene_is_the_same():
     scene = shell_scene(pins=["P1_*_1"], **ASKED)
     text = scene.to_toml()

@@ -110,6 +110,8 @@ def _lqg(lqg: LQG, results: Results) -> dict:
         "sample_time_s": lqg.dt,
         "regulator_riccati_residual": lqg.regulator.residual,
         "filter_riccati_residual": lqg.filter.residual,
+        "regulator_gain_doubt": lqg.regulator_doubt,
+        "filter_gain_doubt": lqg.filter.gain_doubt,
         "slowest_pole": lqg.slowest,
         "separation": lqg.separation,
         **_margins(lqg.sensitivity, results),

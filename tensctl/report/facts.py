@@ -12,7 +12,7 @@ from tensctl.structure import Structure
 GOOD, BAD, DOUBT, PLAIN = "good", "bad", "doubt", ""
 _NOT_DRIVEN = (("no", "not driven"), ("undecided", "undecided"))
 # A gain that is known to fewer than three digits is marked: its residual alone would look good.
-_KNOWN = 1e-3
+KNOWN = 1e-3
 _STABILITY = {"yes": GOOD, "no": BAD, "undecided": DOUBT, "no prestress": BAD}
 
 
@@ -93,7 +93,7 @@ def _designed(case: Case) -> list[Tile]:
         slowest = float(np.max(np.real(case.lqr.poles), initial=-np.inf))
         doubt = case.lqr.gain_doubt
         note = f"slowest pole {number(slowest, 3)} 1/s; the data fix the gain to {number(doubt, 1)} of itself"
-        mark = BAD if not slowest < 0 else GOOD if doubt < _KNOWN else DOUBT
+        mark = BAD if not slowest < 0 else GOOD if doubt < KNOWN else DOUBT
         facts.append(Tile("LQR residual", number(case.lqr.residual, 2), note, mark))
     return facts
 

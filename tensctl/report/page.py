@@ -70,6 +70,7 @@ def render(case: Case) -> str:
             tables=tables,
             control=control_rows,
             demand_rows=demand_rows,
+            known=facts.KNOWN,
             speeds=animation.speeds(motion.duration),
             style=_asset("page.css"),
             script=script,

@@ -61,7 +61,7 @@ def doubt_of_all(doubts: Sequence[Doubt], copies: Int[np.ndarray, " harmonics"])
 @one_blas_thread()
 def gain_doubt(
     A: np.ndarray, B: np.ndarray, cost: Cost, P: np.ndarray, K: np.ndarray, *, sampled: bool = False,
-    rounding: float = float(np.finfo(float).eps),
+    current: bool = False, rounding: float = float(np.finfo(float).eps),
 ) -> Doubt:  # fmt: skip
     """Estimate of |W^1/2 dK| beside |W^1/2 K|, to first order: of the residual, and of the data's rounding.
 
@@ -69,6 +69,8 @@ def gain_doubt(
     ----------
     A, B, cost, P, K : the data and the optimum, u = -K x; real, or complex with Hermitian weights
     sampled : bool
+    current : bool
+        Judge M = W^-1 B'P, by which a sampled filter (the dual) corrects its estimate at once, in place of K = M A.
     rounding : float
         Relative change of each entry of A, B and the weights.
     """
@@ -76,9 +78,15 @@ def gain_doubt(
     after, before = (P @ loop, loop) if sampled else (P, np.eye(len(A)))
     W = cost.R + back @ P @ B if sampled else cost.R
     root = sla.cholesky(W, lower=True)
+    sizes = np.real(np.diag(P))
+    scale = np.sqrt(np.maximum(sizes, np.finfo(float).eps * sizes.max(initial=0.0)) + np.finfo(float).tiny)
+    gain = K
+    if current:
+        gain = sla.cho_solve((root, True), back @ P)
+        before = np.eye(len(A)) - B @ gain
 
     def change(E: np.ndarray, straight: np.ndarray | float) -> float:
-        moved = back @ _solution(loop, E, np.sqrt(np.real(np.diag(P))), sampled) @ before + straight
+        moved = back @ _solution(loop, E, scale, sampled) @ before + straight
         return float(np.linalg.norm(sla.solve_triangular(root, moved, lower=True)))
 
     def noise(M: np.ndarray) -> np.ndarray:
@@ -87,13 +95,17 @@ def gain_doubt(
     def probe() -> float:
         dA, dB, dN, dQ, dR = noise(A), noise(B), noise(cost.N), _mirrored(noise(cost.Q)), _mirrored(noise(cost.R))
         half = after.conj().T @ (dA - dB @ K) - dN @ K
-        straight = dB.conj().T @ after + dN.conj().T - dR @ K + (back @ P @ (dA - dB @ K) if sampled else 0.0)
+        straight = dB.conj().T @ P @ before - dR @ gain
+        if sampled:
+            straight -= back @ P @ dB @ gain
+        if not current:
+            straight += dN.conj().T + (back @ P @ dA if sampled else 0.0)
         return change(half + half.conj().T + dQ + K.conj().T @ dR @ K, straight)
 
     crossed = cost.N @ K
     weighed = cost.Q + K.conj().T @ cost.R @ K - crossed - crossed.conj().T
     left = weighed + (loop.conj().T @ after - P if sampled else loop.conj().T @ P + P @ loop)
-    size = float(np.linalg.norm(root.conj().T @ K))
+    size = float(np.linalg.norm(root.conj().T @ gain))
     return Doubt(change(left, 0.0), np.array([probe() for _ in range(_PROBES)]), size)
 
 

@@ -21,7 +21,7 @@ from tensctl.analysis import harmonic_observability
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, HarmonicOutputs, LinearModel
 from tensctl.linear.harmonic_block import Harmonic, Shown
-from tensctl.synthesis.harmonic_riccati import Equation, by_harmonic, name_lost, poles_of, residual_of, stable
+from tensctl.synthesis.harmonic_riccati import Equation, by_harmonic, doubt_of, name_lost, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import of_sector
 from tensctl.synthesis.kalman import Kalman, force_roots, kalman
 from tensctl.synthesis.lqr_sampled import continuous_poles
@@ -69,6 +69,11 @@ class HarmonicKalman:
     def slowest(self) -> float:
         """Real part of the slowest pole, 1/s; negative when the filter is stable."""
         return float(np.real(self.poles).max(initial=-np.inf))
+
+    @cached_property
+    def gain_doubt(self) -> float:
+        """Estimated relative change of the gain by the residual and by rounding of the data of each harmonic."""
+        return doubt_of(self.linear, (block.doubt for block in self.blocks))
 
     def correction(self, surprise: Float[np.ndarray, "ny *columns"]) -> list[Inexact[np.ndarray, "nx *columns"]]:
         """Gain times what the readings differ from what was expected, by harmonic."""

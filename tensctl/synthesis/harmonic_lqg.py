@@ -84,6 +84,11 @@ class HarmonicLQG(Estimating):
         """Real part of the slowest pole, 1/s; negative when the loop is stable."""
         return float(np.real(self.poles).max())
 
+    @property
+    def gain_doubt(self) -> float:
+        """The larger of those of regulator and filter: how far the data leave the controller open."""
+        return max(self.regulator.gain_doubt, self.filter.gain_doubt)
+
     @cached_property
     def expected_cost(self) -> float:
         """Cost rate (cost of a period when sampled) that noise keeps up: the square of the loop's H2 norm."""

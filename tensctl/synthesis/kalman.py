@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Inexact
@@ -20,6 +21,7 @@ from tensctl.linear import LinearModel
 from tensctl.structure import Structure
 from tensctl.structure.labels import by_label
 from tensctl.synthesis.crossed import optimal
+from tensctl.synthesis.gain_doubt import Doubt, gain_doubt
 from tensctl.synthesis.shown import shown
 from tensctl.synthesis.weights import Cost
 
@@ -32,19 +34,42 @@ class Kalman:
 
     Attributes
     ----------
+    A : (n, n)
+        F of the sampled one.
+    C : (ny, n)
     W, V : covariances or intensities of process and sensor noise
     X : (n, n)
         Covariance of the error; before a sample is seen, in the sampled filter.
     gain : (n, ny)
     residual : float
         What is left of the Riccati equation, over the sum of its terms.
+    sampled : bool
     """
 
+    A: Inexact[np.ndarray, "n n"]
+    C: Inexact[np.ndarray, "ny n"]
     W: Inexact[np.ndarray, "n n"]
     V: Inexact[np.ndarray, "ny ny"]
     X: Inexact[np.ndarray, "n n"]
     gain: Inexact[np.ndarray, "n ny"]
     residual: float
+    sampled: bool
+
+    @cached_property
+    def doubt(self) -> Doubt:
+        """How far its residual and rounding of its data leave the gain open, |dL V^1/2| beside |L V^1/2|.
+
+        In a sampled filter the covariance of what surprises it, C X C' + V, takes the place of V.
+        """
+        predictor = (self.A @ self.gain if self.sampled else self.gain).conj().T
+        dual = Cost(self.W, self.V, np.zeros(self.C.T.shape))
+        A, C = self.A.conj().T, self.C.conj().T
+        return gain_doubt(A, C, dual, self.X, predictor, sampled=self.sampled, current=self.sampled)
+
+    @property
+    def gain_doubt(self) -> float:
+        """Estimated relative change of the gain by the residual and by rounding of the data."""
+        return self.doubt.relative
 
 
 def kalman(A: np.ndarray, C: np.ndarray, W: np.ndarray, V: np.ndarray, *, sampled: bool = False) -> Kalman:
@@ -58,7 +83,7 @@ def kalman(A: np.ndarray, C: np.ndarray, W: np.ndarray, V: np.ndarray, *, sample
     dual = Cost(W, V, np.zeros(C.T.shape))
     found = optimal(A.conj().T, C.conj().T, dual, sampled=sampled, advice=ADVICE)
     gain = (np.linalg.solve(V + C @ found.P @ C.conj().T, C @ found.P) if sampled else found.K).conj().T
-    return Kalman(W, V, found.P, gain, found.residual)
+    return Kalman(A, C, W, V, found.P, gain, found.residual, sampled)
 
 
 def white_forces(linear: LinearModel, forces: float | Mapping[str, float]) -> Float[np.ndarray, "nx nx"]:

@@ -24,6 +24,7 @@ from tensctl.synthesis.crossed import Optimum, optimal
 from tensctl.synthesis.estimating import Estimating
 from tensctl.synthesis.estimator import Estimator, Plant, kalman_estimator
 from tensctl.synthesis.feedback import command
+from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.kalman import Kalman, kalman, white_forces
 from tensctl.synthesis.loop import Loop, close
 from tensctl.synthesis.lqr_sampled import continuous_poles
@@ -125,6 +126,19 @@ class LQG(Estimating):
         poles = np.concatenate([np.linalg.eigvals(regulated), np.linalg.eigvals(self.estimator.Phi), np.zeros(extra)])
         gaps = np.abs(self.loop.spectrum[:, None] - poles)
         return float(gaps[so.linear_sum_assignment(gaps)].max() / np.abs(poles).max())
+
+    @cached_property
+    def regulator_doubt(self) -> float:
+        """Estimated relative change of the regulator's gain K, as `LQR.gain_doubt` has it."""
+        plant, found = self.plant, self.regulator
+        data = (plant.A, plant.B) if plant.sampled is None else plant.sampled.with_input_state()
+        sampled = plant.sampled is not None
+        return gain_doubt(*data, self.period_cost, found.P, found.K, sampled=sampled).relative
+
+    @property
+    def gain_doubt(self) -> float:
+        """The larger of `regulator_doubt` and `filter.gain_doubt`: how far the data leave the controller open."""
+        return max(self.regulator_doubt, self.filter.gain_doubt)
 
     @cached_property
     def small_gain(self) -> SmallGain | None:

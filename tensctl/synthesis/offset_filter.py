@@ -75,8 +75,9 @@ class OffsetFilter:
         """The filter when every sensor speaks at every sample."""
         # Rows in units of their noise: V becomes the identity.
         noise = self.model.sensors.noise
-        found = kalman(self.model.F, self.model.H / noise[:, None], self.W, np.eye(noise.size), sampled=True)
-        return Kalman(self.W, self.V, found.X, found.gain / noise, found.residual)
+        F, H = self.model.F, self.model.H
+        found = kalman(F, H / noise[:, None], self.W, np.eye(noise.size), sampled=True)
+        return Kalman(F, H, self.W, self.V, found.X, found.gain / noise, found.residual, sampled=True)
 
     @cached_property
     def _deviations(self) -> Float[np.ndarray, " ny"]:
