@@ -241,15 +241,12 @@ def _plan(results: Results, clock: Clock) -> Results:
 
 
 def _survey(results: Results, clock: Clock) -> Results:
-    from tensctl.synthesis import survey, too_quick
+    from tensctl.synthesis import survey
 
     assert results.path is not None
     assert results.dynamics is not None
     with clock.stage("path survey"):
         found = survey(results.path, results.dynamics)
-    mpc = results.scene.mpc
-    if sentence := too_quick(results.path, 0.0 if mpc is None else mpc.tension_min):
-        clock.progress.warn(sentence)
     return replace(results, survey=found)
 
 

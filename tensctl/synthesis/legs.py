@@ -19,7 +19,7 @@ from jaxtyping import Float
 from tensctl.errors import SynthesisError
 from tensctl.scene import TargetStage, Waypoint
 from tensctl.structure import Structure
-from tensctl.synthesis.target import Feature, features_of
+from tensctl.synthesis.target import Feature, features_of, levers
 
 # Planned equilibria along a straight leg, after the first. With 8, the spline between two of them is within 7e-5 N of
 # balance on the (3,1) mast that grows by a fifth.
@@ -69,6 +69,11 @@ class Leg:
     def begins(self, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, " k"]:
         """Values of the features at the given nodes."""
         return np.array([feature.of(nodes) for feature in self.features])
+
+    @property
+    def levers(self) -> Float[np.ndarray, " k"]:
+        """Metres per unit of each feature."""
+        return levers(self.features)
 
     def share(self, t: float | np.ndarray) -> np.ndarray:
         """How much of the leg is done at time t, 0 to 1."""

@@ -1,4 +1,4 @@
-"""Whether a path leaves inertia enough time: tensions of the moving reference against their floor.
+"""Whether a path has enough time: speeds of rest lengths against their limit, tensions in motion against their floor.
 
 T(t) = T_rest + dT / f^2   for a leg that takes f times as long
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensctl.errors import SynthesisError
 from tensctl.synthesis.path import ShapePath
 
 # Moments of a leg that are looked at, and the largest factor on its duration that is worth telling.
@@ -14,6 +15,23 @@ _MOMENTS = 201
 _LONGEST = 1e3
 # Room below this part of the largest tension is none.
 _NONE = 1e-6
+
+
+def refuse_faster(path: ShapePath, rate_max: float) -> None:
+    """Refuse a path on which a rest length is faster than a limit, m/s.
+
+    Raises
+    ------
+    SynthesisError
+        With the first leg that is, and the time that would do.
+    """
+    for leg in path.legs:
+        fastest = path.fastest_of(leg)
+        if fastest > rate_max:
+            raise SynthesisError(
+                f"{leg.key}.duration = {leg.duration:g} s makes a rest length change at {fastest:.3g} m/s, above "
+                f"rate_max = {rate_max:g} m/s; allow {leg.duration * fastest / rate_max:.3g} s or more."
+            )
 
 
 def too_quick(path: ShapePath, tension_min: float) -> str | None:

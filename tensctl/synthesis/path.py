@@ -7,7 +7,7 @@ carry the rods' inertia (`synthesis.inertia`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -84,12 +84,7 @@ class ShapePath:
     @cached_property
     def time(self) -> Float[np.ndarray, " k"]:
         """Times at which the planned equilibria are reached, s."""
-        fine = np.linspace(0, 1, 4001)
-        times = [
-            leg.start + leg.duration * np.interp(np.arange(leg.steps) / leg.steps, profile(fine), fine)
-            for leg in self.legs
-        ]
-        return np.append(np.concatenate(times), self.ends)
+        return self.time_of(np.arange(len(self.equilibria)))
 
     @property
     def nodes(self) -> Float[np.ndarray, "k nodes 3"]:
@@ -119,6 +114,15 @@ class ShapePath:
     def place(self, t: float | np.ndarray) -> np.ndarray:
         """Where the reference is at time t, in planned equilibria: 0 at the first, k - 1 at the last."""
         return sum((leg.steps * leg.share(t) for leg in self.legs), np.zeros(np.shape(t)))
+
+    def time_of(self, place: np.ndarray) -> np.ndarray:
+        """When the reference is at a place on the path, s: the inverse of `place`."""
+        fine, time, first = np.linspace(0, 1, 4001), np.full(np.shape(place), self.start), 0
+        for leg in self.legs:
+            share = np.clip((place - first) / leg.steps, 0, 1)
+            time += leg.duration * np.interp(share, profile(fine), fine)
+            first += leg.steps
+        return time
 
     def progress(self, t: float | np.ndarray) -> np.ndarray:
         """How much of the way is done at time t, 0 to 1."""
@@ -181,7 +185,7 @@ class ShapePath:
 
     def fastest_of(self, leg: Leg) -> float:
         """Largest speed of a reference rest length on one leg, m/s."""
-        t = leg.start + leg.duration * np.linspace(0, 1, 401)
+        t = leg.start + leg.duration * np.linspace(0, 1, 2001)
         moved = np.abs(np.diff(self.inputs_at(t), axis=0)) * self.target.potential.members.gearing.largest
         return float(moved.max(initial=0.0) / (t[1] - t[0]))
 
@@ -221,6 +225,14 @@ class ShapePath:
 
     def _spline(self, values: np.ndarray):
         return _splines(values, [leg.steps for leg in self.legs])
+
+    def slowed(self, factor: float) -> ShapePath:
+        """The same shapes, every leg taking so many times longer."""
+        legs, start = [], self.start
+        for leg in self.legs:
+            legs.append(replace(leg, start=start, duration=factor * leg.duration))
+            start += legs[-1].duration
+        return replace(self, legs=tuple(legs))
 
     def verify(self, tension_min: float = 0.0) -> None:
         """Check that every planned equilibrium balances, holds and keeps its tensions, stall limits among them.

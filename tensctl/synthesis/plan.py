@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tensctl.errors import SynthesisError
 from tensctl.statics import Equilibrium, find_equilibrium
+from tensctl.synthesis.all_along import plan_all_along
 from tensctl.synthesis.input_limits import input_range
-from tensctl.synthesis.legs import Leg, legs_of
+from tensctl.synthesis.legs import legs_of
 from tensctl.synthesis.path import ShapePath
 from tensctl.synthesis.reference import Hold, refuse_beyond
 from tensctl.synthesis.rod_room import crowded
-from tensctl.synthesis.shape import ShapeProblem
+from tensctl.synthesis.shape_limits import Asked
 from tensctl.synthesis.target import wanted_target
 from tensctl.synthesis.tension_room import stalled
 from tensctl.synthesis.weights import Size
@@ -70,35 +69,5 @@ def plan_shape(
         u_max = scene.mpc.u_max if u_max is None else u_max
     members = start.potential.members
     refuse_beyond(Hold(start), members.gearing.labels, input_range(start.structure, members, u_max))
-    legs, equilibria, ways = tuple(legs_of(wanted, start.structure, start.nodes)), [start], []
-    for leg in legs:
-        ways.append(leg.said(leg.begins(equilibria[-1].nodes)))
-        equilibria += _along(leg, ShapeProblem(leg.features, tension_min, wanted.clearance, u_max), equilibria[-1])
-    path = ShapePath(tuple(equilibria), legs, f"{', then '.join(ways)}; least rest-length change")
-    if rate_max is not None:
-        _check_pace(path, rate_max)
-    return path
-
-
-def _along(leg: Leg, problem: ShapeProblem, start: Equilibrium) -> list[Equilibrium]:
-    """Planned equilibria of a leg; where there is none, how far the way leads and what is at its limit there."""
-    begins, found = leg.begins(start.nodes), [start]
-    for share in np.linspace(0, 1, leg.steps + 1)[1:]:
-        try:
-            found.append(problem.solve(found[-1], leg.values(begins, share)))
-        except SynthesisError as error:
-            done, where = (len(found) - 1) / leg.steps, "" if leg.key == "target" else f"{leg.key}: "
-            raise SynthesisError(
-                f"{where}{error} The way leads {100 * done:.0f} % there, where {problem.at_limit(found[-1])}."
-            ) from None
-    return found[1:]
-
-
-def _check_pace(path: ShapePath, rate_max: float) -> None:
-    for leg in path.legs:
-        fastest = path.fastest_of(leg)
-        if fastest > rate_max:
-            raise SynthesisError(
-                f"{leg.key}.duration = {leg.duration:g} s makes a rest length change at {fastest:.3g} m/s, above "
-                f"rate_max = {rate_max:g} m/s; allow {leg.duration * fastest / rate_max:.3g} s or more."
-            )
+    legs = tuple(legs_of(wanted, start.structure, start.nodes))
+    return plan_all_along(legs, start, Asked(tension_min, wanted.clearance, u_max), rate_max)

@@ -22,18 +22,18 @@ def gaps_of(now: Equilibrium) -> RodGaps:
     return rod_gaps(now.structure.rods, now.potential.members.radius, now.nodes)
 
 
-def missing(now: Equilibrium, clearance: float) -> float:
-    """By how much the nearest two rods are too near, m."""
-    return max(clearance - gaps_of(now).least, 0.0)
+def missing(now: Equilibrium, clearance: Float[np.ndarray, " pairs"]) -> float:
+    """By how much two rods are too near at the worst, m."""
+    return float((clearance - gaps_of(now).distance).max(initial=0.0))
 
 
 def rows(
-    now: Equilibrium, reach: Float[np.ndarray, "size nu"], clearance: float
+    now: Equilibrium, reach: Float[np.ndarray, "size nu"], clearance: Float[np.ndarray, " pairs"]
 ) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r nu"]]:
     """Room of near pairs, m, and its growth per unit of rest-length shortening."""
     gaps = gaps_of(now)
     near = np.flatnonzero(gaps.distance < clearance + _SOON * now.structure.rod_lengths.mean())
-    return gaps.distance[near] - clearance, gaps.slope(near, len(now.nodes)) @ (now.point.tangent @ reach)
+    return gaps.distance[near] - clearance[near], gaps.slope(near, len(now.nodes)) @ (now.point.tangent @ reach)
 
 
 def nearest(now: Equilibrium) -> tuple[float, str]:
@@ -41,8 +41,12 @@ def nearest(now: Equilibrium) -> tuple[float, str]:
     gaps = gaps_of(now)
     if not gaps.distance.size:
         return np.inf, ""
-    pair = gaps.pairs[gaps.distance.argmin()]
-    return gaps.least, " and ".join(now.structure.rod_labels[rod] for rod in pair)
+    return gaps.least, pair_named(now, int(gaps.distance.argmin()))
+
+
+def pair_named(now: Equilibrium, pair: int) -> str:
+    """The rods of a pair, in words."""
+    return " and ".join(now.structure.rod_labels[rod] for rod in gaps_of(now).pairs[pair])
 
 
 def crowded(now: Equilibrium, clearance: float) -> str | None:
@@ -53,7 +57,7 @@ def crowded(now: Equilibrium, clearance: float) -> str | None:
     return f"rods {pair} only {distance:.4g} m apart, nearer than target.clearance = {clearance:g} m"
 
 
-def at_clearance(now: Equilibrium, clearance: float) -> str:
+def at_clearance(now: Equilibrium, clearance: Float[np.ndarray, " pairs"]) -> str:
     """Pairs that are as near as they may be, in words; empty when there is none."""
     gaps, labels = gaps_of(now), now.structure.rod_labels
     pairs = gaps.pairs[gaps.distance <= clearance * (1 + 1e-4)]

@@ -1,7 +1,7 @@
 """Rest lengths for a new shape: least change of u along equilibria whose tensions stay within their limits.
 
-    minimise |u|^2   subject to   h(p(u)) = wanted (each feature),   tension_min <= T(u) <= force_max,   L0 - u >= floor
-                                  |u| <= u_max,   d(p(u)) >= clearance (each pair of rods), where they are asked for
+    minimise |u|^2   subject to   h(p(u)) = wanted (each feature),   tension_min <= T(u) <= tension_max,
+                                  lower <= u <= upper,   d(p(u)) >= clearance (each pair of rods, where asked for)
 
 p(u) is the equilibrium itself, so every iterate balances. Sequential quadratic programming with the exact static
 influence dp/du = J Phi diag(1/omega^2) Phi'G: constraints converge as Newton does, the minimum linearly. The curvature
@@ -18,13 +18,13 @@ import numpy as np
 from tensctl.analysis import static_influence
 from tensctl.errors import EquilibriumError, SynthesisError
 from tensctl.statics import Equilibrium, settle
-from tensctl.synthesis.input_limits import input_range, input_reach
+from tensctl.synthesis.input_limits import input_reach
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
 from tensctl.synthesis.rod_room import at_clearance, missing, rows
-from tensctl.synthesis.target import Feature
-from tensctl.synthesis.tension_room import limited, room, room_slope
-from tensctl.synthesis.weights import Size
+from tensctl.synthesis.shape_limits import Asked, ShapeLimits
+from tensctl.synthesis.target import Feature, levers
+from tensctl.synthesis.tension_room import room, room_slope
 from tensctl.threads import one_blas_thread
 
 _STEPS = 200
@@ -44,17 +44,15 @@ class ShapeProblem:
     Attributes
     ----------
     features : tuple of Feature
-    tension_min : float, N
-    clearance : float, m, optional
-        Least distance of two rods' surfaces.
-    u_max : number or table by tendon label, m, optional
-        Largest change of a rest length from L0, either way.
+    asked : Asked
+        The limits in the words of whoever asks.
+    limits : ShapeLimits
+        What the shape keeps; as asked, or tighter.
     """
 
     features: tuple[Feature, ...]
-    tension_min: float
-    clearance: float | None = None
-    u_max: Size | None = None
+    asked: Asked
+    limits: ShapeLimits
 
     @one_blas_thread()
     def solve(self, start: Equilibrium, wanted: np.ndarray) -> Equilibrium:
@@ -85,22 +83,22 @@ class ShapeProblem:
                 return now
             influence = static_influence(now)
         raise SynthesisError(
-            f"no rest lengths were found for {self._said(wanted)} with {self._allowed(now)}; "
-            f"the last try has {self._said(self._values(now))}; {self._remedy(now)}."
+            f"no rest lengths were found for {self._said(wanted)} with {self.asked.said(now)}; "
+            f"the last try has {self._said(self._values(now))}; {self.asked.remedy(now)}."
         )
 
     def at_limit(self, now: Equilibrium) -> str:
         """What is at its limit, in words: tensions, rest lengths, distances of rods."""
-        kept, members = ~now.structure.grounded_tendons, now.potential.members
-        low = kept & (now.tensions <= self.tension_min * (1 + 1e-6) + 1e-9 * now.tensions.max(initial=0.0))
-        strong = now.tensions >= members.force_max * (1 - 1e-6)
+        members, limits = now.potential.members, self.limits
+        low = now.tensions <= limits.tension_min * (1 + 1e-6) + 1e-9 * now.tensions.max(initial=0.0)
+        strong = now.tensions >= limits.tension_max * (1 - 1e-6)
         short = now.rest_lengths <= members.floors * (1 + 1e-6)
-        limits = ((low, "tension_min"), (strong, "force_max"), (short, "the least rest length"))
-        said = [f"{_named(now.structure.tendon_labels, found)} at {limit}" for found, limit in limits if found.any()]
-        if self.u_max is not None:
-            used = np.abs(now.inputs) >= input_reach(now.structure, members, self.u_max) * (1 - 1e-6)
+        kinds = ((low, "tension_min"), (strong, "force_max"), (short, "the least rest length"))
+        said = [f"{_named(now.structure.tendon_labels, found)} at {limit}" for found, limit in kinds if found.any()]
+        if self.asked.u_max is not None:
+            used = np.abs(now.inputs) >= input_reach(now.structure, members, self.asked.u_max) * (1 - 1e-6)
             said += [f"{_named(members.gearing.labels, used)} at u_max"] * bool(used.any())
-        if self.clearance is not None and (pairs := at_clearance(now, self.clearance)):
+        if limits.clearance.size and (pairs := at_clearance(now, limits.clearance)):
             said.append(pairs)
         return " and ".join(said) or "no tendon is at a limit yet"
 
@@ -109,7 +107,7 @@ class ShapeProblem:
 
     def _error(self, now: Equilibrium, wanted: np.ndarray) -> np.ndarray:
         """What every feature has too much, m."""
-        return np.array([feature.lever for feature in self.features]) * (self._values(now) - wanted)
+        return levers(self.features) * (self._values(now) - wanted)
 
     def _said(self, values: np.ndarray) -> str:
         """Features and values in words: "height 1.2 m"."""
@@ -122,31 +120,20 @@ class ShapeProblem:
 
     def _misfit(self, now: Equilibrium, wanted: np.ndarray) -> float:
         """Errors of the features plus the worst missing room of a tension and of rods, m: what a step may not raise."""
-        lacking = -room(now, self.tension_min).min(initial=0.0)
-        if self.clearance is not None:
-            lacking += missing(now, self.clearance)
+        limits = self.limits
+        lacking = -room(now, limits.tension_min, limits.tension_max).min(initial=0.0)
+        if limits.clearance.size:
+            lacking += missing(now, limits.clearance)
         return float(np.abs(self._error(now, wanted)).sum() + lacking)
-
-    def _allowed(self, now: Equilibrium) -> str:
-        """The limits of tension in words."""
-        stalls = " and up to force_max" * bool(limited(now).any())
-        apart = "" if self.clearance is None else f" and rods {self.clearance:g} m apart"
-        changed = "" if self.u_max is None else " and rest lengths changed by at most u_max"
-        return f"tensions above {self.tension_min:g} N{stalls}{apart}{changed}"
-
-    def _remedy(self, now: Equilibrium) -> str:
-        ways = ["ask for less", "lower tension_min"]
-        ways += ["raise actuators.force_max"] * bool(limited(now).any())
-        ways += ["lower target.clearance"] * (self.clearance is not None)
-        ways += ["raise mpc.u_max"] * (self.u_max is not None)
-        return f"{', '.join(ways[:-1])}, or {ways[-1]}"
 
     def _room(self, now: Equilibrium, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Room of tensions and rods, (r,) m, and its growth per unit of rest-length shortening, (r, nu)."""
-        left, slope = room(now, self.tension_min), room_slope(now, reach, self.tension_min)
-        if self.clearance is None:
+        limits = self.limits
+        left = room(now, limits.tension_min, limits.tension_max)
+        slope = room_slope(now, reach, limits.tension_min, limits.tension_max)
+        if not limits.clearance.size:
             return left, slope
-        apart, opening = rows(now, reach, self.clearance)
+        apart, opening = rows(now, reach, limits.clearance)
         return np.concatenate([left, apart]), np.vstack([slope, opening])
 
     def _next_inputs(self, now: Equilibrium, reach: np.ndarray, wanted: np.ndarray, sigma: float) -> np.ndarray:
@@ -156,17 +143,16 @@ class ShapeProblem:
         u = now.inputs
         least = slope @ u - left
         target = rise @ u - self._error(now, wanted)
-        lower, upper = input_range(now.structure, now.potential.members, self.u_max)
         qp = QP(
             H=(1 + sigma) * np.eye(u.size), f=-sigma * u, A=np.vstack([rise, slope]),
-            lower=np.concatenate([lower, target, least]),
-            upper=np.concatenate([upper, target, np.full(least.size, np.inf)]),
+            lower=np.concatenate([self.limits.lower, target, least]),
+            upper=np.concatenate([self.limits.upper, target, np.full(least.size, np.inf)]),
         )  # fmt: skip
         solution = DaqpSolver(qp).solve(qp)
         if solution.z is None:
             raise SynthesisError(
                 f"no small rest-length change leads from {self._said(self._values(now))} towards "
-                f"{self._said(wanted)} with {self._allowed(now)}; {self._remedy(now)}."
+                f"{self._said(wanted)} with {self.asked.said(now)}; {self.asked.remedy(now)}."
             )
         return solution.z
 

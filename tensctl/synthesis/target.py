@@ -51,6 +51,11 @@ class Feature(Protocol):
         ...
 
 
+def levers(features: tuple[Feature, ...]) -> Float[np.ndarray, " k"]:
+    """Metres per unit of each."""
+    return np.array([feature.lever for feature in features])
+
+
 @dataclass(frozen=True, eq=False)
 class Linear:
     """A linear function of the nodes, in metres: height, sideways place of the tip, one coordinate.

@@ -2,8 +2,7 @@
 
     room    l - L - T_min/k >= 0,   -(l - L - T_max/k) >= 0          (law EA: T L/EA for T/k)
 
-Every tendon between moving nodes has the floor tension_min; those with a stall limit, `actuators.force_max`, have a
-second row.
+Every tendon between moving nodes has a floor; those with a stall limit, `actuators.force_max`, have a second row.
 """
 
 from __future__ import annotations
@@ -17,17 +16,19 @@ from tensctl.statics import Equilibrium, stretch_map
 _ROUNDING = 1e-6
 
 
-def room(now: Equilibrium, tension_min: float) -> Float[np.ndarray, " r"]:
-    """Room of each limit, m: floors first, then stall limits."""
-    low, high = _beyond(now, tension_min), _beyond(now, now.potential.members.force_max)
+def room(now: Equilibrium, least: Float[np.ndarray, " nt"], most: Float[np.ndarray, " nt"]) -> Float[np.ndarray, " r"]:
+    """Room of each limit, m: floors first, then stall limits; both in N by tendon."""
+    low, high = _beyond(now, least), _beyond(now, most)
     return np.concatenate([low[~now.structure.grounded_tendons], -high[limited(now)]])
 
 
-def room_slope(now: Equilibrium, reach: Float[np.ndarray, "size nu"], tension_min: float) -> Float[np.ndarray, "r nu"]:
+def room_slope(
+    now: Equilibrium, reach: Float[np.ndarray, "size nu"], least: Float[np.ndarray, " nt"],
+    most: Float[np.ndarray, " nt"],
+) -> Float[np.ndarray, "r nu"]:  # fmt: skip
     """Growth of the room per unit of rest-length shortening, where nodes move by `reach` of it."""
     stretch, kept, stalls = stretch_map(now) @ reach, ~now.structure.grounded_tendons, limited(now)
-    low = _slope(now, stretch, np.full(kept.size, tension_min))[kept]
-    return np.vstack([low, -_slope(now, stretch, now.potential.members.force_max)[stalls]])
+    return np.vstack([_slope(now, stretch, least)[kept], -_slope(now, stretch, most)[stalls]])
 
 
 def limited(now: Equilibrium) -> Bool[np.ndarray, " tendons"]:
@@ -45,7 +46,7 @@ def stalled(now: Equilibrium) -> str | None:
     return f"{now.tensions[worst]:.4g} N in {now.structure.tendon_labels[worst]}, above its force_max = {limit:g} N"
 
 
-def _beyond(now: Equilibrium, tensions: float | np.ndarray) -> np.ndarray:
+def _beyond(now: Equilibrium, tensions: np.ndarray) -> np.ndarray:
     members = now.potential.members
     extra = tensions / members.stiffness * (1.0 if members.law == "k" else now.rest_lengths)
     return now.lengths - now.rest_lengths - extra

@@ -1,0 +1,121 @@
+"""Planned shapes for limits that hold all along the way: where a way between two lacks some, both keep that much more.
+
+    limits of shape k   <-   what it has + _MORE * what the ways beside it lack
+
+Shapes are planned apart from each other, each by the least change of rest lengths, and a spline through them cuts
+corners where a limit begins to act; inertia adds to tensions and rest lengths. A plan is therefore looked over
+(`synthesis.way`) and made again from itself, until no way lacks anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensctl.errors import SynthesisError
+from tensctl.statics import Equilibrium
+from tensctl.synthesis.legs import Leg
+from tensctl.synthesis.pace import refuse_faster, too_quick
+from tensctl.synthesis.path import ShapePath
+from tensctl.synthesis.shape import ShapeProblem
+from tensctl.synthesis.shape_limits import Asked, ShapeLimits
+from tensctl.synthesis.way import Lack, lacking
+
+# Plans after the first before it is given up. The examples take two at most, floors that act all the way four.
+_ROUNDS = 12
+# A plan that lacks so many times more than the best is no way out: more tension at a shape bends the way, and inertia
+# of a bent way takes more again. Floors of 9 N from a start with 3 pass through seven times as much, and are kept.
+_WORSE = 10.0
+# A motion that takes so many times longer has no inertia to speak of.
+_SLOW = 1e3
+# Values of features that differ by less, m, are the same: where a leg begins, every plan meets them to rounding.
+_SAME = 1e-9
+
+
+def plan_all_along(legs: tuple[Leg, ...], start: Equilibrium, asked: Asked, rate_max: float | None) -> ShapePath:
+    """The path through the legs that keeps what is asked at its shapes and between them.
+
+    Raises
+    ------
+    SynthesisError
+        A shape out of reach, a leg too short for the rate limit, m/s, or a way that lacks more than the shapes beside
+        it can keep.
+    """
+    whole = asked.limits(start)
+    plan = _Plan((start,), (whole,) * (1 + sum(leg.steps for leg in legs)))
+    plan = plan.followed_by(legs, asked, plan.limits)
+    lack = least = lacking(_in_time(plan.path(legs), rate_max), whole)
+    for _ in range(_ROUNDS):
+        if not lack or lack.worst > _WORSE * least.worst:
+            break
+        try:
+            plan = plan.followed_by(legs, asked, lack.asked_more(plan.limits))
+        except SynthesisError:
+            break
+        lack = lacking(plan.path(legs), whole)
+        least = min(least, lack, key=lambda found: found.worst)
+    if least:
+        raise SynthesisError(_refusal(least, whole, asked))
+    return _in_time(least.path, rate_max)
+
+
+def _refusal(lack: Lack, whole: ShapeLimits, asked: Asked) -> str:
+    """What a path lacks, and what would help: time where a slow motion lacks nothing."""
+    cannot = f"{lack.said()}, and the planned shapes beside cannot keep as much more"
+    if lacking(lack.path.slowed(_SLOW), whole):
+        return f"{cannot}; {asked.remedy(lack.path.target)}."
+    return too_quick(lack.path, asked.tension_min) or f"{cannot}; inertia passes the limit, so allow more time."
+
+
+def _in_time(path: ShapePath, rate_max: float | None) -> ShapePath:
+    """The path, where its rest lengths keep the rate limit."""
+    if rate_max is not None:
+        refuse_faster(path, rate_max)
+    return path
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """Planned equilibria, first to last, and what each has to keep."""
+
+    equilibria: tuple[Equilibrium, ...]
+    limits: tuple[ShapeLimits, ...]
+
+    def path(self, legs: tuple[Leg, ...]) -> ShapePath:
+        ways, first = [], 0
+        for leg in legs:
+            ways.append(leg.said(leg.begins(self.equilibria[first].nodes)))
+            first += leg.steps
+        return ShapePath(self.equilibria, legs, f"{', then '.join(ways)}; least rest-length change")
+
+    def followed_by(self, legs: tuple[Leg, ...], asked: Asked, limits: tuple[ShapeLimits, ...]) -> _Plan:
+        """The plan with these limits; shapes for which nothing has changed are kept, the others sought from them."""
+        found = [self.equilibria[0]]
+        for leg in legs:
+            first = len(found) - 1
+            begins, same = leg.begins(found[-1].nodes), False
+            if first < len(self.equilibria) - 1:
+                before = leg.begins(self.equilibria[first].nodes)
+                same = bool(np.abs(leg.levers * (begins - before)).max() < _SAME)
+                begins = before if same else begins
+            for k in range(first + 1, first + 1 + leg.steps):
+                planned = self.equilibria[k] if k < len(self.equilibria) else None
+                if planned is None or not same or limits[k] is not self.limits[k]:
+                    problem = ShapeProblem(leg.features, asked, limits[k])
+                    planned = _sought(leg, problem, begins, (k - first) / leg.steps, found[-1], planned)
+                found.append(planned)
+        return _Plan(tuple(found), limits)
+
+
+def _sought(
+    leg: Leg, problem: ShapeProblem, begins: np.ndarray, share: float, before: Equilibrium, near: Equilibrium | None
+) -> Equilibrium:
+    """The shape at a share of a leg; where there is none, how far the way leads and what is at its limit there."""
+    try:
+        return problem.solve(before if near is None else near, leg.values(begins, share))
+    except SynthesisError as error:
+        done, where = share - 1 / leg.steps, "" if leg.key == "target" else f"{leg.key}: "
+        raise SynthesisError(
+            f"{where}{error} The way leads {100 * done:.0f} % there, where {problem.at_limit(before)}."
+        ) from None

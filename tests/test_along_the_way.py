@@ -1,0 +1,101 @@
+"""Limits hold between planned shapes as at them: tensions and inputs with inertia, rods, rates, on dense samples."""
+
+import numpy as np
+import pytest
+from support import shell_scene
+
+import tensctl as tc
+from tensctl.elements import rod_gaps
+from tensctl.statics import settle
+from tensctl.synthesis import all_along
+from tensctl.synthesis.shape_limits import Asked
+
+PINS = ["P1_*_1"]
+MAST, TALL = shell_scene(pins=PINS), shell_scene(3, 2, pins=PINS)
+STALLS = shell_scene(3, 2, pins=PINS, actuators={"force_max": 15.3})
+QUARTER = {"waypoint": [{"tilt": [0.4, 0.0]}, {"circle": "tilt", "turns": 0.25, "duration": 2.5}]}
+
+# Scene, target, what else is asked of the path, and what its shapes alone lack, in words.
+CASES = {
+    "rods round a corner": (TALL, QUARTER, {"clearance": 0.18}, r"rods r\S+ and r\S+ come to 0.17\d+ m, nearer than"),
+    "rods near from the start": (MAST, {"height_scale": 1.2}, {"clearance": 0.127}, "rods r.* come to 0.126"),
+    "floors far above the start": (MAST, {"height_scale": 1.2}, {"tension_min": 6.0}, r"t6_\d_1 falls to 5.90\d N"),
+    "stall limits": (STALLS, {"twist": -0.4}, {}, r"t4_\d_1 rises to 15.33 N, above its force_max = 15.3 N"),
+    "largest change": (MAST, {"height_scale": 1.1, "duration": 3.0}, {"u_max": 0.07045}, "the input of t.* beyond its"),
+}
+
+
+def planned(name):
+    scene, target, asked, _ = CASES[name]
+    asked = {"tension_min": 0.1, "rate_max": 2.0} | asked
+    clearance = asked.pop("clearance", None)
+    path = tc.plan_shape(scene, target if clearance is None else target | {"clearance": clearance}, **asked)
+    return path, Asked(asked["tension_min"], clearance, asked.get("u_max")), asked["rate_max"]
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    """Path, what was asked of it, rate limit."""
+    return planned(request.param)
+
+
+def gaps(path, nodes):
+    return rod_gaps(path.target.structure.rods, path.target.potential.members.radius, nodes).least
+
+
+class TestDenseSamples:
+    """About 250 a way between two shapes; the planner looks at 62."""
+
+    def test_tensions(self, case):
+        path, asked, _ = case
+        time = np.linspace(path.time[1], path.ends, 2001)
+        kept = ~path.target.structure.grounded_tendons
+        tensions = path.tensions_at(time)[:, kept]
+        rounding = 2e-6 * tensions.max()
+        assert tensions.min() >= asked.tension_min - rounding
+        assert (tensions.max(axis=0) <= path.target.potential.members.force_max[kept] + rounding).all()
+
+    def test_inputs_and_their_rates(self, case):
+        path, asked, rate_max = case
+        limits, time = asked.limits(path.target), np.linspace(path.start, path.ends, 2001)
+        inputs = path.inputs_at(time)
+        assert (inputs >= limits.lower - 2e-6).all()
+        assert (inputs <= limits.upper + 2e-6).all()
+        assert np.abs(np.diff(inputs, axis=0)).max() / (time[1] - time[0]) <= rate_max
+
+    def test_rods_and_their_equilibria(self, case):
+        """On the moving path, and where its rest lengths lead when it is infinitely slow."""
+        path, asked, _ = case
+        if asked.clearance is None:
+            return
+        time = np.linspace(path.start, path.ends, 501)
+        assert min(gaps(path, path.nodes_at(t)) for t in time) > asked.clearance - 1e-6
+        for t in time[::8]:
+            found = settle(path.target.potential, start=path.nodes_at(t), inputs=path.balanced_inputs_at(t))
+            assert gaps(path, found.nodes) > asked.clearance - 3e-6
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_shapes_alone_would_lack_it(name, monkeypatch):
+    """Without plans after the first, the same limits are passed between its shapes, and the sentence says where."""
+    monkeypatch.setattr(all_along, "_ROUNDS", 0)
+    with pytest.raises(tc.SynthesisError, match=rf"between \d.* s {CASES[name][3]}"):
+        planned(name)
+
+
+def test_what_inertia_takes_is_refused_with_the_time_that_would_do():
+    with pytest.raises(
+        tc.SynthesisError, match=r"= 0.4 s is quick for this prestress: inertia would take t1_.*; allow"
+    ) as caught:
+        tc.plan_shape(MAST, {"height_scale": 1.2, "duration": 0.4}, tension_min=0.1)
+    needed = float(str(caught.value).split("allow ")[1].split(" s")[0])
+    path = tc.plan_shape(MAST, {"height_scale": 1.2, "duration": 1.01 * needed}, tension_min=0.1)
+    kept = ~path.target.structure.grounded_tendons
+    assert path.tensions_at(np.linspace(0, path.ends, 2001))[:, kept].min() >= 0.1
+
+
+def test_limits_that_leave_no_room_between_are_refused():
+    """Floors and stall limits that planned shapes just keep; time would not help, and is not advised."""
+    scene = shell_scene(pins=PINS, actuators={"force_max": 13.0})
+    with pytest.raises(tc.SynthesisError, match=r"above its force_max = 13 N, and the .* raise actuators.force_max.$"):
+        tc.plan_shape(scene, {"height_scale": 1.2, "duration": 1.0}, tension_min=3.0)
