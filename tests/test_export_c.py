@@ -336,13 +336,6 @@ class TestWhatIsRefused:
         with pytest.raises(OutputError, match="follows a path"):
             tc.export_c(design(scene), tmp_path)
 
-    def test_what_the_source_would_not_do(self, mast, tmp_path):
-        """An estimator is part of some controllers, and not of the source: it would steer otherwise."""
-        dynamics, _, linear = mast
-        eyes = tc.sensors(dynamics.structure, lengths=1e-4, tensions=0.01)
-        with pytest.raises(OutputError, match="estimates from its sensors"):
-            tc.export_c(tc.OutputMPC(linear, eyes, horizon=3), tmp_path)
-
     def test_drag_on_a_free_structure(self, tmp_path):
         _, _, linear = solved(shell_scene(drag={"coefficient": 0.1}))
         with pytest.raises(OutputError, match="rigid-body rates"):

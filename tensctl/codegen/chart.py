@@ -25,6 +25,8 @@ class ChartTables:
 
     Attributes
     ----------
+    suffix : str
+        Of the names of its tables.
     nodes : int
     size : int
         Coordinates of all rods.
@@ -38,6 +40,7 @@ class ChartTables:
     tables : tuple of Table
     """
 
+    suffix: str
     nodes: int
     size: int
     states: int
@@ -47,8 +50,8 @@ class ChartTables:
     tables: tuple[Table, ...]
 
 
-def chart_tables(linear: LinearModel) -> ChartTables:
-    """Tables of a flexible model's chart.
+def chart_tables(linear: LinearModel, suffix: str = "") -> ChartTables:
+    """Tables of a flexible model's chart, with names that end in the suffix.
 
     Raises
     ------
@@ -65,16 +68,16 @@ def chart_tables(linear: LinearModel) -> ChartTables:
     ends, end_node = _ends(manifold)
     position, rate = _maps(linear)
     tables = (
-        Table("chart_position", position, "positions s eta of the modes from the rods' coordinates, 1/s"),
-        Table("chart_rate", rate, "rates eta' of the modes from the rates of the rods' coordinates"),
+        Table(f"chart_position{suffix}", position, "positions s eta of the modes from the rods' coordinates, 1/s"),
+        Table(f"chart_rate{suffix}", rate, "rates eta' of the modes from the rates of the rods' coordinates"),
     )
     pieces: tuple[str, ...] = ()
     if not structure.held.any():
         centre = mass_centre(linear.equilibrium.potential, nodes)
-        tables += (Table("reference_centre", centre, "centre of mass at the reference, m"),)
+        tables += (Table(f"reference_centre{suffix}", centre, "centre of mass at the reference, m"),)
         pieces = _pieces(linear, nodes - centre)
     rods = tuple(_rod(ends, end_node, nodes[end_node], r) for r in ends.moving.tolist())
-    return ChartTables(len(nodes), ends.size, len(linear.states), ends.dimension, rods, pieces, tables)
+    return ChartTables(suffix, len(nodes), ends.size, len(linear.states), ends.dimension, rods, pieces, tables)
 
 
 def _ends(manifold: RodManifold | JointedManifold) -> tuple[RodManifold, np.ndarray]:

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from tensctl import __version__
-from tensctl.codegen.chart import ChartTables, chart_tables
+from tensctl.codegen.feedback import lqg_facts, lqr_facts
 from tensctl.codegen.literals import Table, number
-from tensctl.codegen.predictive import predictive_tables, relaxation
+from tensctl.codegen.predictive import predictive
 from tensctl.errors import OutputError
 from tensctl.synthesis import LQG, LQR, MPC, SampledLQR
 
@@ -83,83 +83,30 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
 
 
 def _made(controller: Exportable, name: str, max_iterations: int | None) -> CSource:
-    facts: dict[str, Any] = {"name": name, "version": __version__, "number": number, "chart": None, "delay": 0.0}
     if isinstance(controller, LQG):
-        facts |= _lqg(controller)
+        found = lqg_facts(controller)
     elif isinstance(controller, MPC):
-        facts |= _with_chart(controller.linear) | _mpc(controller, max_iterations)
+        found = predictive(controller, max_iterations)
     elif isinstance(controller, LQR | SampledLQR):
-        facts |= _with_chart(controller.linear) | _lqr(controller)
+        found = lqr_facts(controller)
     else:
         raise OutputError(f"{type(controller).__name__} has no form in C; give an LQR, an LQG or an MPC.")
-    chart: ChartTables | None = facts["chart"]
-    tables = (*(() if chart is None else chart.tables), *facts["tables"])
+    facts: dict[str, Any] = {"name": name, "version": __version__, "number": number}
+    facts |= {"charts": (), "delay": 0.0, "sensors": 0} | found
+    if charts := facts["charts"]:
+        facts |= _shown_states(charts[0].nodes, len(facts["inputs"]))
+    tables = (*(table for chart in charts for table in chart.tables), *facts["tables"])
     facts |= {"tables": tables}
     return CSource(facts["kind"], _filled("controller.h", facts), _filled("controller.c", facts), tables)
 
 
-def _with_chart(linear) -> dict[str, Any]:
-    chart = chart_tables(linear)
-    nu = len(linear.inputs)
+def _shown_states(nodes: int, inputs: int) -> dict[str, Any]:
     measured = (
-        f"{3 * chart.nodes} node coordinates (m), node by node",
-        f"{3 * chart.nodes} node velocities (m/s), in the same order",
-        f"{nu} inputs u as they are now (m)",
+        f"{3 * nodes} node coordinates (m), node by node",
+        f"{3 * nodes} node velocities (m/s), in the same order",
+        f"{inputs} inputs u as they are now (m)",
     )
-    return {"chart": chart, "inputs": linear.inputs, "measured": measured, "size": 6 * chart.nodes + nu}
-
-
-def _limits(linear) -> tuple[Table, ...]:
-    lower, upper = linear.dynamics.members.input_bounds
-    return (
-        Table("input_rest", linear.equilibrium.inputs, "inputs at the equilibrium, m"),
-        Table("input_lower", lower, "least total inputs, m"),
-        Table("input_upper", upper, "largest total inputs, m"),
-    )
-
-
-def _lqr(design: LQR | SampledLQR) -> dict[str, Any]:
-    gain = Table("K", design.K, "gain: change of the inputs, m, from states (and inputs)")
-    return {
-        "kind": "lqr", "dt": design.dt, "tables": (gain, *_limits(design.linear)),
-        "sees_inputs": isinstance(design, SampledLQR),
-    }  # fmt: skip
-
-
-def _lqg(design: LQG) -> dict[str, Any]:
-    if design.dt is None:
-        raise OutputError("this LQG was designed in continuous time; give lqg a control period dt to export it.")
-    e, nu = design.estimator, len(design.linear.inputs)
-    ny = len(design.sensors.labels)
-    tables = (
-        Table("Phi", e.Phi, "estimate from the last estimate"),
-        Table("seen", e.seen, "estimate from what the sensors show"),
-        Table("before", e.before, "estimate from the last inputs"),
-        Table("now", e.now, "estimate from the inputs as they are"),
-        Table("C", e.C, "change of the inputs from the estimate"),
-        Table("direct", e.direct, "change of the inputs from the inputs as they are"),
-        Table("D", design.plant.D, "what the sensors show of the inputs"),
-        Table("sensors_rest", design.sensors.of(design.linear.equilibrium), "what the sensors show at rest"),
-        *_limits(design.linear),
-    )
-    measured = (
-        f"{ny} sensor values (m, N): " + ", ".join(design.sensors.labels),
-        f"{nu} inputs u as they are now (m)",
-    )
-    return {
-        "kind": "lqg", "dt": design.dt, "tables": tables, "inputs": design.linear.inputs, "measured": measured,
-        "size": ny + nu, "sensors": ny, "order": design.order,
-    }  # fmt: skip
-
-
-def _mpc(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
-    curvature, price = relaxation(mpc.problem)
-    unknowns = mpc.horizon * (len(mpc.linear.inputs) + 1)
-    return {
-        "kind": "mpc", "dt": mpc.dt, "delay": mpc.delay, "tables": predictive_tables(mpc), "horizon": mpc.horizon,
-        "tensions": len(mpc.problem.tendons), "curvature": curvature, "price": price,
-        "largest": float(abs(mpc.problem.H.diagonal()).max()), "max_iterations": max_iterations or 10 * unknowns,
-    }  # fmt: skip
+    return {"measured": measured, "size": 6 * nodes + inputs}
 
 
 def _filled(template: str, facts: dict[str, Any]) -> str:

@@ -17,7 +17,7 @@ class Table:
     ----------
     name : str
     values : (...)
-        Doubles; limits that there are not are infinite.
+        Doubles, or whole numbers; limits that there are not are infinite.
     says : str
         What it holds, with units.
     """
@@ -28,16 +28,21 @@ class Table:
 
     @property
     def bytes(self) -> int:
-        """Memory that its doubles take."""
-        return 8 * self.values.size
+        """Memory that it takes."""
+        return (4 if self._whole else 8) * self.values.size
+
+    @property
+    def _whole(self) -> bool:
+        return self.values.dtype.kind == "i"
 
     @property
     def declaration(self) -> str:
         """Its definition in C."""
-        numbers = [number(value) for value in self.values.ravel()]
+        numbers = [str(value) if self._whole else number(value) for value in self.values.ravel()]
         lines = [", ".join(numbers[k : k + _PER_LINE]) for k in range(0, len(numbers), _PER_LINE)]
         body = ",\n    ".join(lines)
-        return f"/* {self.says} */\nstatic const double {self.name}[{len(numbers)}] = {{\n    {body}}};"
+        kind = "int" if self._whole else "double"
+        return f"/* {self.says} */\nstatic const {kind} {self.name}[{len(numbers)}] = {{\n    {body}}};"
 
 
 def number(value: float) -> str:

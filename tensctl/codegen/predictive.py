@@ -1,106 +1,73 @@
-"""Constant tables of the condensed MPC problem as its C source holds them.
-
-    minimise z'Hz/2 + f'z,   f = F s,   floors <= T z + S s,   |z_k - z_(k-1)| <= reach,   lower <= z <= upper
-
-s = (state, input deviation) when the command begins to act. H is kept as its lower triangle and as W = L^-1 of
-H = L L'; tension rows are block Toeplitz, so their first block column is all of them; bounds and rate rows need no
-table.
-"""
+"""What the C source of a predictive controller holds: a problem for each model, limits, and where a step begins."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from tensctl.codegen.literals import Table, lower_triangle
+from tensctl.codegen.literals import Table
+from tensctl.codegen.outputs import output_facts
+from tensctl.codegen.problem import problem_tables
+from tensctl.codegen.states import state_facts
 from tensctl.errors import OutputError
-from tensctl.linear.propagate import stretch
-from tensctl.synthesis import MPC, Condensed, OutputMPC
-from tensctl.synthesis.qp import QP
+from tensctl.synthesis import MPC, OutputMPC
+from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.reference import Hold
-from tensctl.synthesis.relaxed import relax
-
-# Rows that differ from the structure that the C source counts on by more than this part of their size are refused.
-_SAME = 1e-12
 
 
-def predictive_tables(mpc: MPC) -> tuple[Table, ...]:
-    """Tables of a controller that holds one equilibrium.
+def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
+    """Facts of a predictive controller, shown states or sensors.
 
     Raises
     ------
     OutputError
-        For a controller that estimates or follows a path, or rows of another form.
+        For a controller that follows what has no table.
     """
-    if isinstance(mpc, OutputMPC):
-        raise OutputError("this MPC estimates from its sensors, and the C source does not; export a tc.MPC.")
     if mpc.signal is not None:
         raise OutputError("this MPC follows a signal, and the C source holds one equilibrium; export one without.")
-    if not isinstance(mpc.reference, Hold):
+    if not isinstance(mpc.wanted if isinstance(mpc, OutputMPC) else mpc.reference, Hold):
         raise OutputError(
             "this MPC follows a path of shapes over time, and the C source holds one equilibrium; "
             "export tc.MPC(tc.linearize(dynamics, path.target), ...)."
         )
-    problem, members = mpc.problem, mpc.linear.dynamics.members
-    W = np.linalg.inv(np.linalg.cholesky(problem.H))
-    rest = mpc.reference.equilibrium
-    lower, upper = mpc.hard.range
-    margin = problem.margin(rest.tensions, mpc.tension_min)
-    reach = mpc.rate_max * mpc.dt / members.gearing.largest
+    found = output_facts(mpc) if isinstance(mpc, OutputMPC) else state_facts(mpc)
+    inputs, unknowns = mpc.linear.inputs, mpc.horizon * (len(mpc.linear.inputs) + 1)
+    pairs: list[tuple[str, Piece]] = list(zip(found["suffixes"], found["parts"], strict=True))
+    problems = [
+        problem_tables(suffix, p.H, p.from_state, p.rows, p.tension_from_state, mpc.horizon)
+        for suffix, p in ((suffix, part.problem) for suffix, part in pairs)
+    ]
+    tables = [table for problem in problems for table in problem.tables]
+    for suffix, part in pairs:
+        tables += _until_it_acts(part, suffix) if mpc.delay else ()
+    return found | {
+        "kind": "mpc", "dt": mpc.dt, "delay": mpc.delay, "inputs": inputs, "problems": problems,
+        "tables": (*tables, *found["tables"], *_limits(mpc)),
+        "sizes": [
+            *found["sizes"],
+            ("HORIZON", mpc.horizon, "stages"),
+            ("TENSIONS", len(mpc.problem.tendons), "tension rows of a stage"),
+            ("GIVEN", len(mpc.linear.states) + len(inputs), "state and inputs when a command begins to act"),
+            ("COURSE", found["samples"], "samples after which the reference rests"),
+            ("LAST_SAMPLE", found["samples"], "after which all is constant"),
+            ("MAX_ITERATIONS", max_iterations or 10 * unknowns, "changes of the active set in a step"),
+        ],
+    }  # fmt: skip
+
+
+def _limits(mpc: MPC) -> tuple[Table, ...]:
     return (
-        Table("H_lower", lower_triangle(problem.H), "H, lower triangle row by row, J/m^2 s"),
-        Table("W_lower", lower_triangle(W), "W = L^-1, H = L L', lower triangle row by row"),
-        Table("optimum_from_start", -W.T @ (W @ problem.from_state), "z without limits from the start s"),
-        Table("f_from_start", problem.from_state, "f from the start s"),
-        Table("tension_from_start", problem.tension_from_state, "scaled tension deviations from the start s, m"),
-        Table("tension_block", _first_column(problem), "first block column of the tension rows"),
-        Table("row_size", np.concatenate([_sizes(W), _sizes(W @ problem.rows.T)]), "size of W times each row"),
-        Table("tension_margin", margin, "tension at rest within its limit, over the scale, m"),
-        Table("tension_scale", problem.tension_scale, "N/m"),
-        Table("reach", reach, "largest change of each input in a period, m"),
-        Table("input_rest", rest.inputs, "inputs at the equilibrium, m"),
-        Table("input_lower", lower, "least total inputs, m"),
-        Table("input_upper", upper, "largest total inputs, m"),
-        *_until_it_acts(mpc),
+        Table("tension_scale", mpc.problem.tension_scale, "N/m"),
+        Table("reach", mpc.hard.reach, "largest change of each input in a period, m"),
+        Table("input_lower", mpc.hard.lower, "least total inputs, m"),
+        Table("input_upper", mpc.hard.upper, "largest total inputs, m"),
     )
 
 
-def _until_it_acts(mpc: MPC) -> tuple[Table, ...]:
-    """The model from a sample until the command computed at it begins to act; nothing without delay."""
-    if not mpc.delay:
-        return ()
-    way = stretch(mpc.linear, mpc.delay)
+def _until_it_acts(part: Piece, suffix: str) -> tuple[Table, ...]:
+    """The model from a sample until the command computed at it begins to act."""
+    way = part.until_it_acts
     return (
-        Table("until_F", way.F, "state when the next command begins to act from the state at the sample"),
-        Table("until_G0", way.G0, "and from the inputs at the sample"),
-        Table("until_G1", way.G1, "and from the command that is reached by then"),
+        Table(f"until_F{suffix}", way.F, "state when the next command begins to act from the state at the sample"),
+        Table(f"until_G0{suffix}", way.G0, "and from the inputs at the sample"),
+        Table(f"until_G1{suffix}", way.G1, "and from the command that is reached by then"),
     )
-
-
-def relaxation(problem: Condensed) -> tuple[float, float]:
-    """Curvature of a stage's slack and its price over the steepest cost in sight, as `synthesis.relaxed` has them."""
-    n, rows = problem.H.shape[0], problem.rows.shape[0]
-    steep = np.zeros(n)
-    steep[0] = 1.0
-    asked = relax(QP(problem.H, steep, problem.rows, np.zeros(n + rows), np.zeros(n + rows)), problem.horizon)
-    return float(asked.H[-1, -1]), float(asked.f[-1])
-
-
-def _sizes(columns: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(columns, axis=0)
-
-
-def _first_column(problem: Condensed) -> np.ndarray:
-    """The tension rows' first block column, (N nT, nu)."""
-    N, nu, nT = problem.horizon, problem.B.shape[1], len(problem.tendons)
-    first = problem.rows[: N * nT, :nu]
-    whole = np.zeros((N * nT, N * nu))
-    for k in range(N):
-        whole[k * nT :, k * nu : (k + 1) * nu] = first[: (N - k) * nT]
-    rates = np.kron(np.eye(N) - np.eye(N, k=-1), np.eye(nu))
-    misfit = np.abs(problem.rows - np.vstack([whole, rates])).max(initial=0.0)
-    if not misfit <= _SAME * np.abs(whole).max(initial=1.0):
-        raise OutputError(
-            f"the rows of this MPC differ by {misfit:.1e} from tension rows of one model at every stage and rate rows, "
-            "which the C source counts on."
-        )
-    return first

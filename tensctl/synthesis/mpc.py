@@ -174,7 +174,7 @@ class MPC:
             self._predicted = np.full(len(self.linear.dynamics.structure.tendons), np.nan)
             return self._command_of(plan, now, StepRecord(t, "no measurement", perf_counter() - began, np.nan, 0.0))
         part = self._parting(look)
-        piece = self._piece(self.reference.knot_at(t))
+        piece = self.piece_at(t)
         limits = self.limits(t, look)
         plan, status, kkt = self._solve(piece, limits)
         status, relaxed = told(status, 0.0 if status in SOLVERS else limits.shortfall(piece.problem, plan))
@@ -226,19 +226,23 @@ class MPC:
         """What a sample tells, with known inputs; None where that is nothing."""
         return seen(self.linear.dynamics.structure, measurement, inputs)
 
+    def piece_at(self, t: float) -> Piece:
+        """The linear model and problem that answer a sample at time t."""
+        return self._piece(self.reference.knot_at(t))
+
     def statement(self, t: float, measurement: Measured) -> tuple[Condensed, Limits, QP]:
         """The problem of one step in full, without solving it."""
-        problem = self._piece(self.reference.knot_at(t)).problem
+        problem = self.piece_at(t).problem
         limits = self.limits(t, measurement)
         return problem, limits, limits.assemble(problem)
 
     def solve(self, t: float, measurement: Measured) -> Float[np.ndarray, "N nu"]:
         """The plan of one step, deviations from the reference, m; leaves the controller as it is."""
-        return self._solve(self._piece(self.reference.knot_at(t)), self.limits(t, measurement))[0]
+        return self._solve(self.piece_at(t), self.limits(t, measurement))[0]
 
     def limits(self, t: float, measurement: Measured) -> Limits:
         """Start and bounds of the problem at time t."""
-        piece = self._piece(self.reference.knot_at(t))
+        piece = self.piece_at(t)
         linear, ahead = piece.linear, self._ahead(piece, t)
         rest = linear.equilibrium.inputs
         state = linear.state_of(measurement.nodes, measurement.velocities)

@@ -219,9 +219,9 @@ class OutputMPC(MPC):
         d, rest = look.estimate.mean[nx:], self.linear.equilibrium
         piece = self._piece(0)
         state, inputs = self._when_it_acts(piece, look.estimate.mean[:nx], measurement.inputs - rest.inputs)
-        state = state + self._carried @ d
+        state = state + self.carried @ d
         at_rest = np.concatenate([target.state, target.inputs])
-        margin = self._margin + problem.tension @ at_rest + self._tension_shown @ d
+        margin = self.margin_at_rest + problem.tension @ at_rest + self.tension_shown @ d
         ahead = np.tile(rest.inputs + target.inputs, (self.horizon, 1))
         start, margin = np.concatenate([state, inputs]) - at_rest, np.broadcast_to(margin, (self.horizon, margin.size))
         lower, upper = self.hard.range
@@ -247,25 +247,24 @@ class OutputMPC(MPC):
 
     def _rest_under(self, t: float, estimate: Estimate) -> Target:
         rest, when = self.linear.equilibrium, self._ends(t)[0]
-        lower, upper = (bound - rest.inputs for bound in self.hard.range)
-        target = self._programme.at(
+        target = self.programme.at(
             estimate.mean[len(self.linear.A) :],
-            self._wanted_at(when),
+            self.wanted_at(when),
             self.wanted.inputs_at(when) - rest.inputs,
-            (np.maximum(lower, -self._longest), upper),
-            self._margin,
+            self.target_range,
+            self.margin_at_rest,
         )
         if target is not None:
             return target
         if self._looked is not None:
             return self._looked.target
-        return Target(np.zeros(len(self.linear.A)), np.zeros(upper.size), np.nan, np.nan)
+        return Target(np.zeros(len(self.linear.A)), np.zeros(rest.inputs.size), np.nan, np.nan)
 
     def _path_ahead(self, t: float) -> tuple[Reference, np.ndarray]:
         """The target is that of the first period's end for the whole horizon."""
         return self.wanted, np.full(self.horizon, self._ends(t)[0])
 
-    def _wanted_at(self, t: float) -> np.ndarray:
+    def wanted_at(self, t: float) -> np.ndarray:
         """Deviation of what is tracked from the equilibrium's."""
         rest, s = self.linear.equilibrium, self.sensors
         nodes = self.wanted.nodes_at(t)
@@ -275,17 +274,22 @@ class OutputMPC(MPC):
         return (shown - s.of(rest))[self.tracked]
 
     @cached_property
-    def _longest(self) -> float:
-        """No target pays out more than the longest tendon, m: what cannot be reached asks for no more."""
-        return float(self.linear.equilibrium.lengths.max())
+    def target_range(self) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
+        """Least and largest inputs of a target, deviations from the equilibrium's, m.
+
+        No target pays out more than the longest tendon: what cannot be reached asks for no more.
+        """
+        rest = self.linear.equilibrium
+        lower, upper = (bound - rest.inputs for bound in self.hard.range)
+        return np.maximum(lower, -float(rest.lengths.max())), upper
 
     @cached_property
-    def _margin(self) -> Float[np.ndarray, " nT"]:
+    def margin_at_rest(self) -> Float[np.ndarray, " nT"]:
         """How far tensions of the equilibrium are within their limits, scaled, m."""
         return self.problem.margin(self.linear.equilibrium.tensions, self.tension_min)
 
     @cached_property
-    def _tension_shown(self) -> Float[np.ndarray, "nT nd"]:
+    def tension_shown(self) -> Float[np.ndarray, "nT nd"]:
         """What sensors of tension are believed to miss, scaled, m."""
         problem, measured = self.problem, self.sensors.tensions
         first = self.sensors.lengths.size
@@ -294,11 +298,12 @@ class OutputMPC(MPC):
         return rows[problem.tendons] * (problem.side / problem.tension_scale)[:, None]
 
     @cached_property
-    def _programme(self) -> SteadyTarget:
-        return SteadyTarget(self.model, self.tracked, self.problem.tension, self._tension_shown)
+    def programme(self) -> SteadyTarget:
+        """Where to rest under what is estimated."""
+        return SteadyTarget(self.model, self.tracked, self.problem.tension, self.tension_shown)
 
     @cached_property
-    def _carried(self) -> Float[np.ndarray, "nx nd"]:
+    def carried(self) -> Float[np.ndarray, "nx nd"]:
         """What constant disturbances do until a command acts."""
         if not self.delay:
             return np.zeros_like(self.model.force)

@@ -21,11 +21,11 @@ from tensctl.synthesis.over_period import integral
 
 # An innovation beyond this many deviations, and as many times the median sensor's, is absurd: pushes and starts far
 # from rest move many sensors at once.
-_ABSURD = 50.0
+ABSURD = 50.0
 # A sensor that says the same absurd thing for longer is believed: then the structure has changed, or the sensor has.
-_PATIENCE = 5
+PATIENCE = 5
 # P is back at its constant value when no entry is off by more than this part of the deviations that it belongs to.
-_BACK = 1e-6
+BACK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class OffsetFilter:
         return Kalman(F, H, self.W, self.V, found.X, found.gain / noise, found.residual, sampled=True)
 
     @cached_property
-    def _deviations(self) -> Float[np.ndarray, " ny"]:
+    def deviations(self) -> Float[np.ndarray, " ny"]:
         """Standard deviation of each innovation of the constant filter."""
         H = self.model.H
         return np.sqrt(np.einsum("ij,jk,ik->i", H, self.constant.X, H) + self.model.sensors.noise**2)
@@ -111,20 +111,20 @@ class OffsetFilter:
         return Estimate(mean + gain @ innovation[used], self._unless_back(0.5 * (ahead + ahead.T)), absurd, *counts)
 
     def _refused(self, before: Estimate, innovation: np.ndarray, there: Bool[np.ndarray, " ny"]) -> np.ndarray:
-        H, deviations = self.model.H, self._deviations
+        H, deviations = self.model.H, self.deviations
         if before.covariance is not None:
             deviations = np.sqrt(np.einsum("ij,ij->i", H @ before.covariance, H) + self.model.sensors.noise**2)
         size = np.abs(innovation) / deviations
         usual = max(1.0, float(np.median(size[there]))) if there.any() else 1.0
-        return there & (size > _ABSURD * usual) & (before.absurd < _PATIENCE)
+        return there & (size > ABSURD * usual) & (before.absurd < PATIENCE)
 
     def _unless_back(self, P: np.ndarray) -> np.ndarray | None:
         wanted = self.constant.X
         scale = np.sqrt(np.diag(wanted))
         return (
             None
-            if np.abs(P - wanted).max(initial=0.0) <= _BACK * (scale.max() ** 2)
-            and (np.abs(np.diag(P) - scale**2) <= _BACK * scale**2).all()
+            if np.abs(P - wanted).max(initial=0.0) <= BACK * (scale.max() ** 2)
+            and (np.abs(np.diag(P) - scale**2) <= BACK * scale**2).all()
             else P
         )
 

@@ -57,6 +57,14 @@ class SteadyTarget:
         Sensors whose values are to be reached.
     tension : (nT, nx + nu), tension_disturbed : (nT, nd)
         Scaled tension maps, m.
+
+    Attributes
+    ----------
+    H : (nu, nu)
+    rows : (nT + nu, nu)
+        Scaled tensions at rest, then the inputs themselves.
+    floor_from : (nT, nd)
+        Scaled tensions at rest from d, m.
     """
 
     def __init__(
@@ -68,15 +76,21 @@ class SteadyTarget:
         self.model, self.tracked = model, tracked
         self.gain = (model.C @ by_input + model.D)[tracked] / noise
         self.disturbed = (model.C @ by_disturbance + model.shown)[tracked] / noise
-        self._tension_disturbed = tension[:, :nx] @ by_disturbance + tension_disturbed
+        self.floor_from = tension[:, :nx] @ by_disturbance + tension_disturbed
         rows = tension[:, :nx] @ by_input + tension[:, nx:]
         weight = input_stiffness(model.linear)
         self._rho = _RHO * np.linalg.norm(self.gain, 2) ** 2 * np.diag(weight / weight.max())
         # A metre of rest length counts the steepest gain: H is of size one.
         self._scale = 1.0 / np.linalg.norm(self.gain, 2) ** 2
         H = self._scale * (self.gain.T @ self.gain + self._rho)
-        self._H, self._rows = 0.5 * (H + H.T), np.vstack([rows, np.eye(len(weight))])
+        self.H, self.rows = 0.5 * (H + H.T), np.vstack([rows, np.eye(len(weight))])
         self._solvers: dict[bool, Solver] = {}
+
+    @property
+    def from_given(self) -> Float[np.ndarray, "nu m"]:
+        """f of the programme, row by row from d, r and u_r side by side."""
+        noise = self.model.sensors.noise[self.tracked]
+        return self._scale * np.hstack([self.gain.T @ self.disturbed, -self.gain.T / noise, -self._rho])
 
     def at(
         self, d: np.ndarray, wanted: np.ndarray, near: np.ndarray, bounds: tuple[np.ndarray, np.ndarray],
@@ -96,9 +110,9 @@ class SteadyTarget:
         """
         gap = self.disturbed @ d - wanted / self.model.sensors.noise[self.tracked]
         f = self._scale * (self.gain.T @ gap - self._rho @ near)
-        floor = -margin - self._tension_disturbed @ d
+        floor = -margin - self.floor_from @ d
         qp = QP(
-            self._H, f, self._rows, np.concatenate([bounds[0], floor, bounds[0]]),
+            self.H, f, self.rows, np.concatenate([bounds[0], floor, bounds[0]]),
             np.concatenate([bounds[1], np.full(floor.size, np.inf), bounds[1]]),
         )  # fmt: skip
         for gives_way in (False, True):
@@ -112,6 +126,6 @@ class SteadyTarget:
                 by_input, by_disturbance = self.model.rest
                 return Target(
                     by_input @ u + by_disturbance @ d, u, float(np.sqrt(np.mean(missed**2))),
-                    float((floor - self._rows[: floor.size] @ u).max(initial=0.0)) if gives_way else 0.0,
+                    float((floor - self.rows[: floor.size] @ u).max(initial=0.0)) if gives_way else 0.0,
                 )  # fmt: skip
         return None

@@ -125,7 +125,7 @@ static void settle(void)
 static double most_violated(int *row, int *side)
 {
     double worst = 0.0, best = 0.0;
-    for (int r = 0; r < ROWS; r++) {
+    for (int r = 0; r < self.rows; r++) {
         if (in_problem(r)) {
             self.value[r] = row_at(r, self.z);
             double below = self.lower[r] - self.value[r], above = self.value[r] - self.upper[r];
@@ -203,42 +203,46 @@ static void take(int row, int side)
 }
 
 /* Begin with the rows that were remembered; without any, a relaxed problem begins with no slack. */
-static void take_again(void)
+static void take_again(const struct memory *last)
 {
     self.active = 0;
-    for (int k = 0; k < self.remembered; k++) {
-        if (in_problem(self.last_row[k])) {
-            take(self.last_row[k], self.last_side[k]);
+    for (int k = 0; k < last->count; k++) {
+        if (in_problem(last->row[k])) {
+            take(last->row[k], last->side[k]);
         }
     }
-    for (int k = VARIABLES; self.relaxed && self.remembered == 0 && k < UNKNOWNS; k++) {
+    for (int k = self.variables; self.relaxed && last->count == 0 && k < self.unknowns; k++) {
         take(k, 1);
     }
 }
 
-/* Remember the active set one stage on, for the next step. */
-static void remember_shifted(void)
+/* Remember the active set so many stages on, for the next step. */
+static void remember(struct memory *last, int stages)
 {
-    self.remembered = 0;
+    last->count = 0;
     for (int k = 0; k < self.active; k++) {
-        int row = self.row[k], first = row < VARIABLES ? 0 : row < UNKNOWNS ? VARIABLES : UNKNOWNS;
-        int stage = row < VARIABLES ? INPUTS : row < UNKNOWNS ? 1 : TENSIONS;
-        if (row >= UNKNOWNS + FLOORS) {
-            first = UNKNOWNS + FLOORS;
-            stage = INPUTS;
+        int row = self.row[k], first = 0, stage = INPUTS;
+        if (row >= self.rates_from) {
+            first = self.rates_from;
+        } else if (row >= self.unknowns) {
+            first = self.unknowns;
+            stage = TENSIONS;
+        } else if (row >= self.variables) {
+            first = self.variables;
+            stage = 1;
         }
-        if (row - first >= stage) {
-            self.last_row[self.remembered] = row - stage;
-            self.last_side[self.remembered] = self.side[k];
-            self.remembered++;
+        if (row - first >= stages * stage) {
+            last->row[last->count] = row - stages * stage;
+            last->side[last->count] = self.side[k];
+            last->count++;
         }
     }
 }
 
 /* Solve the problem from the rows that were remembered; 1 when a point is found that keeps every row. */
-static int optimised(void)
+static int optimised(const struct memory *last)
 {
-    take_again();
+    take_again(last);
     settle();
     for (int k = 0; k < self.active; k++) {
         if (self.force[k] < 0.0) {
@@ -271,7 +275,7 @@ static double kkt_residual(void)
     double *push = self.normal, *pull = self.image, tiny = 1e-150;
     int row = 0, side = 0;
     double violation = most_violated(&row, &side), slack = 0.0, stationary = 0.0;
-    double width = largest_of(VARIABLES, self.z), widest = tiny;
+    double width = largest_of(self.variables, self.z), widest = tiny;
     memset(push, 0, sizeof self.normal);
     for (int k = 0; k < self.active; k++) {
         add_row(self.row[k], -self.side[k] * self.force[k], push);
@@ -284,7 +288,7 @@ static double kkt_residual(void)
         widest = fabs(self.f[i]) > widest ? fabs(self.f[i]) : widest;
         widest = fabs(push[i]) > widest ? fabs(push[i]) : widest;
     }
-    for (int r = 0; r < ROWS; r++) {
+    for (int r = 0; r < self.rows; r++) {
         if (in_problem(r)) {
             width = fabs(self.value[r]) > width ? fabs(self.value[r]) : width;
         }

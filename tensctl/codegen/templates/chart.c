@@ -6,9 +6,46 @@ struct rod {
     double length;
 };
 
-static const struct rod rods[RODS] = {
+{% for chart in charts %}
+static const struct rod rods<< chart.suffix >>[RODS] = {
 {% for rod in chart.rods %}
     << rod >><< "," if not loop.last >>
+{% endfor %}
+};
+
+{% endfor %}
+{% if charts[0].pieces %}
+/* A rod as the best fit of a free structure's mass sees it: centre and vector at the reference, about its centre. */
+struct piece {
+    int tail, head;
+    double mass, middle[3], vector[3];
+};
+
+enum { PIECES = << charts[0].pieces|length >> };
+
+{% for chart in charts %}
+static const struct piece pieces<< chart.suffix >>[PIECES] = {
+{% for piece in chart.pieces %}
+    << piece >><< "," if not loop.last >>
+{% endfor %}
+};
+
+{% endfor %}
+{% endif %}
+/* The great-circle chart about one equilibrium. */
+struct chart {
+    const struct rod *rods;
+    const double *position, *rate; /* s eta and eta' of the modes from the rods' coordinates and their rates */
+{% if charts[0].pieces %}
+    const struct piece *pieces;
+    const double *centre; /* of mass, m */
+{% endif %}
+};
+
+static const struct chart charts[] = {
+{% for chart in charts %}
+    {rods<< chart.suffix >>, chart_position<< chart.suffix >>, chart_rate<< chart.suffix >>
+{%- if chart.pieces %}, pieces<< chart.suffix >>, reference_centre<< chart.suffix >>{% endif %}}<< "," if not loop.last >>
 {% endfor %}
 };
 
@@ -45,7 +82,7 @@ static void turned(const struct rod *rod, const double *vector, const double *tu
 }
 
 /* Coordinates of the rods about the equilibrium, and their rates. */
-static void rod_coordinates(const double *nodes, const double *velocities, double *xi, double *xi_rate)
+static void rod_coordinates(const struct rod *rods, const double *nodes, const double *velocities, double *xi, double *xi_rate)
 {
     int at = 0;
     for (int r = 0; r < RODS; r++) {
@@ -68,23 +105,23 @@ static void rod_coordinates(const double *nodes, const double *velocities, doubl
         }
     }
 }
-{% if chart.pieces %}
+{% if charts[0].pieces %}
 
 {% include "frame.c" %}
 {% endif %}
 
 /* State of the linear model in measured nodes and velocities. */
-static void state_of(const double *nodes, const double *velocities, double *x)
+static void state_of(const struct chart *chart, const double *nodes, const double *velocities, double *x)
 {
     double xi[COORDINATES], xi_rate[COORDINATES];
-{% if chart.pieces %}
+{% if charts[0].pieces %}
     double seen[3 * NODES], seen_rate[3 * NODES];
-    seen_from_frame(nodes, velocities, seen, seen_rate);
-    rod_coordinates(seen, seen_rate, xi, xi_rate);
+    seen_from_frame(chart, nodes, velocities, seen, seen_rate);
+    rod_coordinates(chart->rods, seen, seen_rate, xi, xi_rate);
 {% else %}
-    rod_coordinates(nodes, velocities, xi, xi_rate);
+    rod_coordinates(chart->rods, nodes, velocities, xi, xi_rate);
 {% endif %}
     memset(x, 0, STATES * sizeof x[0]);
-    add_product(MODES, COORDINATES, 1.0, chart_position, xi, x);
-    add_product(MODES, COORDINATES, 1.0, chart_rate, xi_rate, x + MODES);
+    add_product(MODES, COORDINATES, 1.0, chart->position, xi, x);
+    add_product(MODES, COORDINATES, 1.0, chart->rate, xi_rate, x + MODES);
 }

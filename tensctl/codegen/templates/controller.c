@@ -6,24 +6,18 @@
 
 enum {
     INPUTS = TENSCTL_INPUTS,
-{% if chart %}
-    NODES = << chart.nodes >>,
-    AXES = << chart.dimension >>,
-    RODS = << chart.rods|length >>,
-    COORDINATES = << chart.size >>,
-    STATES = << chart.states >>,
-    MODES = STATES / 2<< "," if kind == "mpc" >>
+{% if charts %}
+    NODES = << charts[0].nodes >>,
+    AXES = << charts[0].dimension >>,
+    RODS = << charts[0].rods|length >>,
+    COORDINATES = << charts[0].size >>,
+    STATES = << charts[0].states >>,
+    MODES = STATES / 2,
 {% endif %}
-{% if kind == "lqg" %}
-    SENSORS = << sensors >>,
-    ORDER = << order >>
-{% endif %}
-{% if kind == "mpc" %}
-    START = STATES + INPUTS,
-    HORIZON = << horizon >>,
-    TENSIONS = << tensions >>, /* tension rows of a stage */
-    MAX_ITERATIONS = << max_iterations >>
-{% endif %}
+{% for name, count, says in sizes %}
+    << name >> = << count >><< "," if not loop.last >>{% if says %} /* << says >> */{% endif %}
+
+{% endfor %}
 };
 
 {% for table in tables %}
@@ -31,7 +25,7 @@ enum {
 
 {% endfor %}
 {% include "vector.c" %}
-{% if chart %}
+{% if charts %}
 
 {% include "chart.c" %}
 {% endif %}

@@ -1,19 +1,5 @@
-/* A rod as the best fit of a free structure's mass sees it: centre and vector at the reference, about its centre. */
-struct piece {
-    int tail, head;
-    double mass, middle[3], vector[3];
-};
-
-static const struct piece pieces[] = {
-{% for piece in chart.pieces %}
-    << piece >><< "," if not loop.last >>
-{% endfor %}
-};
-
-enum { PIECES = sizeof pieces / sizeof pieces[0] };
-
 /* Mean over the rods' mass of a nodal field. */
-static void mean_over_mass(const double *field, double *mean)
+static void mean_over_mass(const struct piece *pieces, const double *field, double *mean)
 {
     double mass = 0.0;
     mean[0] = mean[1] = mean[2] = 0.0;
@@ -39,7 +25,7 @@ static void add_moment(double mass, const double *a, const double *a_vector, con
     }
 }
 
-{% if chart.dimension == 2 %}
+{% if charts[0].dimension == 2 %}
 /* The best turn in the plane, from the reference to the world. */
 static void best_rotation(double M[3][3], double R[3][3])
 {
@@ -119,7 +105,7 @@ static void spin_of(double now[3][3], double moving[3][3], double *spin)
 {
     double trace = now[0][0] + now[1][1] + now[2][2], row[3][3], others[3][3];
     double momentum[3] = {moving[1][2] - moving[2][1], moving[2][0] - moving[0][2], moving[0][1] - moving[1][0]};
-{% if chart.dimension == 2 %}
+{% if charts[0].dimension == 2 %}
     (void)row;
     (void)others;
     spin[0] = spin[1] = 0.0;
@@ -141,13 +127,13 @@ static void spin_of(double now[3][3], double moving[3][3], double *spin)
 }
 
 /* Nodes and velocities of a free structure as its co-moving frame sees them. */
-static void seen_from_frame(const double *nodes, const double *velocities, double *seen, double *seen_rate)
+static void seen_from_frame(const struct chart *chart, const double *nodes, const double *velocities, double *seen, double *seen_rate)
 {
     double centre[3], drift[3], fit[3][3] = {{0}}, now[3][3] = {{0}}, moving[3][3] = {{0}}, R[3][3], spin[3];
-    mean_over_mass(nodes, centre);
-    mean_over_mass(velocities, drift);
+    mean_over_mass(chart->pieces, nodes, centre);
+    mean_over_mass(chart->pieces, velocities, drift);
     for (int r = 0; r < PIECES; r++) {
-        const struct piece *piece = &pieces[r];
+        const struct piece *piece = &chart->pieces[r];
         double middle[3], vector[3], middle_rate[3], vector_rate[3];
         for (int i = 0; i < 3; i++) {
             double tail = nodes[3 * piece->tail + i], head = nodes[3 * piece->head + i];
@@ -170,7 +156,7 @@ static void seen_from_frame(const double *nodes, const double *velocities, doubl
         }
         cross3(spin, away, carried);
         for (int j = 0; j < 3; j++) {
-            seen[3 * k + j] = reference_centre[j];
+            seen[3 * k + j] = chart->centre[j];
             seen_rate[3 * k + j] = 0.0;
             for (int i = 0; i < 3; i++) {
                 seen[3 * k + j] += away[i] * R[i][j];

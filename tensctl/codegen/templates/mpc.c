@@ -1,40 +1,36 @@
-/* Unknowns z: inputs of all stages as deviations from rest, then one slack a stage when floors are relaxed. Rows of the
- * problem: bounds of the unknowns, tension floors, changes from stage to stage. */
-enum {
-    VARIABLES = HORIZON * INPUTS,
-    UNKNOWNS = VARIABLES + HORIZON,
-    FLOORS = HORIZON * TENSIONS,
-    ROWS = UNKNOWNS + FLOORS + VARIABLES,
-    CAPACITY = UNKNOWNS < MAX_ITERATIONS ? UNKNOWNS : MAX_ITERATIONS
-};
-
-static const double slack_curvature = << number(curvature) >>; /* in H, of each stage's slack */
-static const double slack_price = << number(price) >>; /* over the steepest cost in sight */
-static const double largest_H = << number(largest) >>;
-static const double feasible = 1e-11; /* rows that are missed by less are kept, m */
-static const double dependent = 1e-10; /* a row with less of it outside the active rows depends on them */
-static const double accept = 1e-6; /* largest KKT residual of an answer */
-static const double kept = 1e-9; /* a floor that is missed by less is kept, N */
+{% include "problem.c" %}
 
 static struct {
     struct tensctl_report report;
     int begun, planned; /* whether there was a step, and a plan */
-    double command[INPUTS], plan[VARIABLES]; /* total changes of rest length */
-    double begins[INPUTS];                   /* those from which the command of this step departs */
+    int sample;         /* periods since the first step, no more than matter */
+    double command[INPUTS], plan[MOST_VARIABLES]; /* total changes of rest length */
 
-    /* The active set: rows and sides (+1 lower, -1 upper), Q R = W A' of them, multipliers. */
+    /* The active set: rows and sides, Q R = W A' of them, multipliers. */
     int active, row[CAPACITY], side[CAPACITY];
-    double Q[CAPACITY][UNKNOWNS], R[CAPACITY * (CAPACITY + 1) / 2], force[CAPACITY];
+    double Q[CAPACITY][MOST_UNKNOWNS], R[CAPACITY * (CAPACITY + 1) / 2], force[CAPACITY];
+    struct memory last_plan; /* that of the last step, one stage on */
+{% if sensors %}
+    struct memory last_target;
 
-    /* That of the last step, one stage on: where the next one begins. */
-    int remembered, last_row[CAPACITY], last_side[CAPACITY];
+    /* The filter: estimate of states and disturbances, inputs at its sample, P where it varies, for how many samples on
+     * end each sensor was refused; and where to rest, states and inputs. */
+    int known, varies, absurd[SENSORS];
+    double estimate[ORDER], inputs[INPUTS], P[ORDER][ORDER], target[STATES + INPUTS];
+{% endif %}
 
-    /* The problem of this step. */
+    /* Where this step begins: what is given, total inputs that its command departs from, inputs from which z deviates
+     * at every stage, and tensions within their limits there, over the scale, m. */
+    double given[GIVEN], begins[INPUTS], about[MOST_VARIABLES + INPUTS], margin[MOST_FLOORS];
+
+    /* The problem that is solved. */
+    const struct problem *problem;
     int relaxed, size, iterations;
-    double start[START], f[UNKNOWNS], lower[ROWS], upper[ROWS], free_optimum[UNKNOWNS];
+    int variables, unknowns, floors, rates_from, rows; /* how many, and the first row of changes */
+    double f[MOST_UNKNOWNS], lower[MOST_ROWS], upper[MOST_ROWS], free_optimum[MOST_UNKNOWNS];
 
     /* The point that the active set has, its rows, and what the solver computes on the way. */
-    double z[UNKNOWNS], value[ROWS], normal[UNKNOWNS], image[UNKNOWNS], outside[UNKNOWNS];
+    double z[MOST_UNKNOWNS], value[MOST_ROWS], normal[MOST_UNKNOWNS], image[MOST_UNKNOWNS], outside[MOST_UNKNOWNS];
     double inside[CAPACITY], share[CAPACITY];
 } self;
 
@@ -42,69 +38,22 @@ static struct {
 
 {% include "active_set.c" %}
 
-/* State and inputs when the command of this step begins to act, deviations from the equilibrium. */
-static void see_start(const double *measurement)
-{
-    const double *now = measurement + 6 * NODES;
-{% if delay %}
-    /* x(delay) = F x + G0 u + G1 u', u' the command that is under way: it is reached by then. */
-    double x[STATES], change[INPUTS], coming[INPUTS];
-    state_of(measurement, measurement + 3 * NODES, x);
-    memcpy(self.begins, self.begun ? self.command : now, sizeof self.begins);
-    for (int i = 0; i < INPUTS; i++) {
-        change[i] = now[i] - input_rest[i];
-        coming[i] = self.begins[i] - input_rest[i];
-    }
-    memset(self.start, 0, sizeof self.start);
-    add_product(STATES, STATES, 1.0, until_F, x, self.start);
-    add_product(STATES, INPUTS, 1.0, until_G0, change, self.start);
-    add_product(STATES, INPUTS, 1.0, until_G1, coming, self.start);
-    memcpy(self.start + STATES, coming, sizeof coming);
-{% else %}
-    state_of(measurement, measurement + 3 * NODES, self.start);
-    memcpy(self.begins, now, sizeof self.begins);
-    for (int i = 0; i < INPUTS; i++) {
-        self.start[STATES + i] = now[i] - input_rest[i];
-    }
-{% endif %}
-}
+{% include "solve.c" %}
 
-/* Vectors of the hard problem from the start. */
-static void state_problem(void)
-{
-    self.relaxed = 0;
-    self.size = VARIABLES;
-    memset(self.f, 0, sizeof self.f);
-    memset(self.free_optimum, 0, sizeof self.free_optimum);
-    add_product(VARIABLES, START, 1.0, f_from_start, self.start, self.f);
-    add_product(VARIABLES, START, 1.0, optimum_from_start, self.start, self.free_optimum);
-    for (int k = 0; k < UNKNOWNS; k++) {
-        self.lower[k] = k < VARIABLES ? input_lower[k % INPUTS] - input_rest[k % INPUTS] : 0.0;
-        self.upper[k] = k < VARIABLES ? input_upper[k % INPUTS] - input_rest[k % INPUTS] : HUGE_VAL;
-    }
-    for (int k = 0; k < FLOORS; k++) {
-        self.lower[UNKNOWNS + k] = -tension_margin[k % TENSIONS];
-        self.upper[UNKNOWNS + k] = HUGE_VAL;
-    }
-    add_product(FLOORS, START, -1.0, tension_from_start, self.start, self.lower + UNKNOWNS);
-    for (int k = 0; k < VARIABLES; k++) {
-        double now = k < INPUTS ? self.start[STATES + k] : 0.0;
-        self.lower[UNKNOWNS + FLOORS + k] = now - reach[k % INPUTS];
-        self.upper[UNKNOWNS + FLOORS + k] = now + reach[k % INPUTS];
-    }
-}
+{% include "course.c" %}
 
-/* Tension floors give way by one slack a stage, at a price that cost never pays. */
-static void relax_problem(void)
+{% include "see_outputs.c" if sensors else "see_state.c" %}
+
+/* Vectors of the hard problem from where the step begins. */
+static void state_problem(const struct problem *problem)
 {
-    double steepest = largest_of(VARIABLES, self.f);
-    double farthest = 1e-3 * largest_H * largest_of(VARIABLES, self.lower + UNKNOWNS + FLOORS);
-    double price = slack_price * (steepest > farthest ? steepest : farthest);
-    self.relaxed = 1;
-    self.size = UNKNOWNS;
-    for (int k = VARIABLES; k < UNKNOWNS; k++) {
-        self.f[k] = price;
-        self.free_optimum[k] = -price / slack_curvature;
+    pose(problem, self.given, self.margin);
+    for (int k = 0; k < self.variables; k++) {
+        double moved = self.about[k + INPUTS] - self.about[k], now = k < INPUTS ? self.given[STATES + k] : 0.0;
+        self.lower[k] = input_lower[k % INPUTS] - self.about[k + INPUTS];
+        self.upper[k] = input_upper[k % INPUTS] - self.about[k + INPUTS];
+        self.lower[self.rates_from + k] = now - reach[k % INPUTS] - moved;
+        self.upper[self.rates_from + k] = now + reach[k % INPUTS] - moved;
     }
 }
 
@@ -112,8 +61,8 @@ static void relax_problem(void)
 static double shortfall(void)
 {
     double worst = 0.0;
-    for (int k = 0; k < FLOORS; k++) {
-        double missing = (self.lower[UNKNOWNS + k] - tension_of(k, self.z)) * tension_scale[k % TENSIONS];
+    for (int k = 0; k < self.floors; k++) {
+        double missing = (self.lower[self.unknowns + k] - tension_of(k, self.z)) * tension_scale[k % TENSIONS];
         worst = missing > worst ? missing : worst;
     }
     return worst;
@@ -122,50 +71,27 @@ static double shortfall(void)
 /* What the last plan would do next, or no change. */
 static void shift_plan(void)
 {
-    for (int k = 0; k < VARIABLES; k++) {
-        int next = k + INPUTS < VARIABLES ? k + INPUTS : k;
+    for (int k = 0; k < MOST_VARIABLES; k++) {
+        int next = k + INPUTS < MOST_VARIABLES ? k + INPUTS : k;
         self.plan[k] = self.planned ? self.plan[next] : self.begins[k % INPUTS];
-        self.z[k] = self.plan[k] - input_rest[k % INPUTS];
+        self.z[k] = self.plan[k] - self.about[k + INPUTS];
     }
-}
-
-/* Solve the hard problem, then the relaxed one; 1 when there is an answer. */
-static int solved(void)
-{
-    self.iterations = 0;
-    for (int attempt = 0; attempt < 2; attempt++) {
-        if (attempt == 1) {
-            relax_problem();
-        }
-        if (optimised()) {
-            self.report.kkt = kkt_residual();
-            if (self.report.kkt <= accept) {
-                return 1;
-            }
-        }
-        self.report.kkt = -1.0;
-        if (self.iterations >= MAX_ITERATIONS) {
-            return 0;
-        }
-    }
-    return 0;
 }
 
 static void answer(const double *measurement)
 {
-    see_start(measurement);
-    state_problem();
-    if (solved()) {
+    self.iterations = 0;
+    state_problem(see(measurement));
+    if (solved(&self.last_plan)) {
         self.report.outcome = self.relaxed ? TENSCTL_RELAXED : TENSCTL_OK;
-        for (int k = 0; k < VARIABLES; k++) {
-            self.plan[k] = self.z[k] + input_rest[k % INPUTS];
+        for (int k = 0; k < MOST_VARIABLES; k++) {
+            self.plan[k] = self.z[k] + self.about[k + INPUTS];
         }
     } else {
         self.report.outcome = TENSCTL_FALLBACK;
-        self.active = 0;
         shift_plan();
     }
-    remember_shifted();
+    remember(&self.last_plan, 1);
     self.report.iterations = self.iterations;
     if (self.report.outcome != TENSCTL_OK) {
         self.report.relaxed = shortfall();

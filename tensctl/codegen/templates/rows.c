@@ -15,7 +15,7 @@ static double tension_of(int k, const double *z)
     int stage = k / TENSIONS, i = k % TENSIONS;
     double sum = 0.0;
     for (int j = 0; j <= stage; j++) {
-        const double *block = tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
+        const double *block = self.problem->tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
         for (int c = 0; c < INPUTS; c++) {
             sum += block[c] * z[j * INPUTS + c];
         }
@@ -25,27 +25,27 @@ static double tension_of(int k, const double *z)
 
 static double row_at(int row, const double *z)
 {
-    if (row < UNKNOWNS) {
+    if (row < self.unknowns) {
         return z[row];
     }
-    row -= UNKNOWNS;
-    if (row < FLOORS) {
-        return tension_of(row, z) + (self.relaxed ? z[VARIABLES + row / TENSIONS] : 0.0);
+    row -= self.unknowns;
+    if (row < self.floors) {
+        return tension_of(row, z) + (self.relaxed ? z[self.variables + row / TENSIONS] : 0.0);
     }
-    row -= FLOORS;
+    row -= self.floors;
     return row < INPUTS ? z[row] : z[row] - z[row - INPUTS];
 }
 
 /* x += scale times the row; the first entry that may differ from 0 is returned. */
 static int add_row(int row, double scale, double *x)
 {
-    if (row < UNKNOWNS) {
+    if (row < self.unknowns) {
         x[row] += scale;
         return row;
     }
-    row -= UNKNOWNS;
-    if (row >= FLOORS) {
-        row -= FLOORS;
+    row -= self.unknowns;
+    if (row >= self.floors) {
+        row -= self.floors;
         x[row] += scale;
         if (row >= INPUTS) {
             x[row - INPUTS] -= scale;
@@ -54,13 +54,13 @@ static int add_row(int row, double scale, double *x)
     }
     int stage = row / TENSIONS, i = row % TENSIONS;
     for (int j = 0; j <= stage; j++) {
-        const double *block = tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
+        const double *block = self.problem->tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
         for (int c = 0; c < INPUTS; c++) {
             x[j * INPUTS + c] += scale * block[c];
         }
     }
     if (self.relaxed) {
-        x[VARIABLES + stage] += scale;
+        x[self.variables + stage] += scale;
     }
     return 0;
 }
@@ -68,64 +68,64 @@ static int add_row(int row, double scale, double *x)
 /* Whether the row is one of this problem: slacks belong to the relaxed one only. */
 static int in_problem(int row)
 {
-    return self.relaxed || row < VARIABLES || row >= UNKNOWNS;
+    return self.relaxed || row < self.variables || row >= self.unknowns;
 }
 
 /* y = W x, x zero before `first`. */
 static void to_image(int first, const double *x, double *y)
 {
-    for (int i = 0; i < VARIABLES; i++) {
-        const double *w = W_lower + (size_t)i * (i + 1) / 2;
+    for (int i = 0; i < self.variables; i++) {
+        const double *w = self.problem->W + (size_t)i * (i + 1) / 2;
         double sum = 0.0;
         for (int j = first; j <= i; j++) {
             sum += w[j] * x[j];
         }
         y[i] = sum;
     }
-    for (int i = VARIABLES; i < self.size; i++) {
-        y[i] = x[i] / sqrt(slack_curvature);
+    for (int i = self.variables; i < self.size; i++) {
+        y[i] = x[i] / sqrt(self.problem->curvature);
     }
 }
 
 /* z = z0 + W' y. */
 static void from_image(const double *y, const double *z0, double *z)
 {
-    memcpy(z, z0, UNKNOWNS * sizeof z[0]);
-    for (int i = 0; i < VARIABLES; i++) {
-        const double *w = W_lower + (size_t)i * (i + 1) / 2;
+    memcpy(z, z0, self.unknowns * sizeof z[0]);
+    for (int i = 0; i < self.variables; i++) {
+        const double *w = self.problem->W + (size_t)i * (i + 1) / 2;
         for (int j = 0; j <= i; j++) {
             z[j] += w[j] * y[i];
         }
     }
-    for (int i = VARIABLES; i < self.size; i++) {
-        z[i] += y[i] / sqrt(slack_curvature);
+    for (int i = self.variables; i < self.size; i++) {
+        z[i] += y[i] / sqrt(self.problem->curvature);
     }
 }
 
 /* y = H z. */
 static void curved(const double *z, double *y)
 {
-    memset(y, 0, UNKNOWNS * sizeof y[0]);
-    for (int i = 0; i < VARIABLES; i++) {
-        const double *h = H_lower + (size_t)i * (i + 1) / 2;
+    memset(y, 0, self.unknowns * sizeof y[0]);
+    for (int i = 0; i < self.variables; i++) {
+        const double *h = self.problem->H + (size_t)i * (i + 1) / 2;
         for (int j = 0; j < i; j++) {
             y[i] += h[j] * z[j];
             y[j] += h[j] * z[i];
         }
         y[i] += h[i] * z[i];
     }
-    for (int i = VARIABLES; i < self.size; i++) {
-        y[i] = slack_curvature * z[i];
+    for (int i = self.variables; i < self.size; i++) {
+        y[i] = self.problem->curvature * z[i];
     }
 }
 
 /* Size of W times the row. */
 static double image_size(int row)
 {
-    double slack = 1.0 / slack_curvature;
-    if (row >= VARIABLES && row < UNKNOWNS) {
+    double slack = 1.0 / self.problem->curvature;
+    if (row >= self.variables && row < self.unknowns) {
         return sqrt(slack);
     }
-    double own = row < VARIABLES ? row_size[row] : row_size[row - HORIZON];
-    return self.relaxed && row >= UNKNOWNS && row < UNKNOWNS + FLOORS ? sqrt(own * own + slack) : own;
+    double own = row < self.variables ? self.problem->row_size[row] : self.problem->row_size[row - self.problem->stages];
+    return self.relaxed && row >= self.unknowns && row < self.rates_from ? sqrt(own * own + slack) : own;
 }

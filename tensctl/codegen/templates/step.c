@@ -1,21 +1,32 @@
+{% if kind == "mpc" and sensors %}
+/* A step goes on without values that are no numbers: none is refused. */
+{% else %}
 /* A step refuses what is no number, and repeats its last command then; else answer() sets the command. */
+{% endif %}
 int tensctl_step(const double *measurement, double *u)
 {
     static const struct tensctl_report nothing = {TENSCTL_REFUSED, 0, -1.0, 0.0};
     self.report = nothing;
     if (!self.begun) {
-        memcpy(self.command, input_rest, sizeof input_rest);
+        memcpy(self.command, << "input_rest" if sensors else "course_inputs" >>, sizeof self.command);
     }
+{% if kind == "mpc" and sensors %}
+    answer(measurement);
+{% else %}
     if (all_finite(TENSCTL_MEASUREMENT, measurement)) {
         self.report.outcome = TENSCTL_OK;
         answer(measurement);
     }
+{% endif %}
 {% if kind == "lqg" %}
     else {
         self.known = 0; /* a sample is missing: the estimate begins anew */
     }
 {% endif %}
     self.begun = 1;
+{% if kind != "lqg" %}
+    self.sample += self.sample < LAST_SAMPLE;
+{% endif %}
     memcpy(u, self.command, sizeof self.command);
     return self.report.outcome;
 }

@@ -10,6 +10,7 @@ static void add_product(int rows, int columns, double sign, const double *A, con
     }
 }
 
+{% if not (kind == "mpc" and sensors) %}
 static int all_finite(int n, const double *x)
 {
     for (int i = 0; i < n; i++) {
@@ -20,6 +21,7 @@ static int all_finite(int n, const double *x)
     return 1;
 }
 
+{% endif %}
 static double clipped(double value, double lower, double upper)
 {
     value = value < lower ? lower : value;

@@ -1,0 +1,72 @@
+"""What the C source of linear feedback holds: gains and what they are about, or the matrices of an estimator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tensctl.codegen.chart import chart_tables
+from tensctl.codegen.course import course_of
+from tensctl.codegen.literals import Table
+from tensctl.errors import OutputError
+from tensctl.linear import LinearModel
+from tensctl.synthesis import LQG, LQR, SampledLQR
+from tensctl.synthesis.reference import Hold
+
+
+def lqr_facts(design: LQR | SampledLQR) -> dict[str, Any]:
+    """Facts of state feedback."""
+    course = course_of(Hold(design.linear.equilibrium), design.dt, 0.0, lambda t: design)
+    pairs = list(zip(course.parts, course.suffixes, strict=True))
+    gains = [Table(f"K{s}", part.K, "gain: change of the inputs, m, from states (and inputs)") for part, s in pairs]
+    charts = tuple(chart_tables(part.linear, suffix) for part, suffix in pairs)
+    sees_inputs = isinstance(design, SampledLQR)
+    states, inputs = charts[0].states, design.linear.inputs
+    return {
+        "kind": "lqr", "dt": design.dt, "charts": charts, "gains": [gain.name for gain in gains], "inputs": inputs,
+        "tables": (*gains, *course.tables, *_limits(design.linear)), "sees_inputs": sees_inputs,
+        "sizes": [
+            ("GAINED", states + sees_inputs * len(inputs), "states, and inputs where the gain sees them"),
+            ("COURSE", len(course.times), "samples after which the reference rests"),
+            ("LAST_SAMPLE", len(course.times), "after which all is constant"),
+        ],
+    }  # fmt: skip
+
+
+def lqg_facts(design: LQG) -> dict[str, Any]:
+    """Facts of LQG in discrete time.
+
+    Raises
+    ------
+    OutputError
+        For a design in continuous time.
+    """
+    if design.dt is None:
+        raise OutputError("this LQG was designed in continuous time; give lqg a control period dt to export it.")
+    e, nu = design.estimator, len(design.linear.inputs)
+    ny = len(design.sensors.labels)
+    tables = (
+        Table("Phi", e.Phi, "estimate from the last estimate"),
+        Table("seen", e.seen, "estimate from what the sensors show"),
+        Table("before", e.before, "estimate from the last inputs"),
+        Table("now", e.now, "estimate from the inputs as they are"),
+        Table("C", e.C, "change of the inputs from the estimate"),
+        Table("direct", e.direct, "change of the inputs from the inputs as they are"),
+        Table("D", design.plant.D, "what the sensors show of the inputs"),
+        Table("sensors_rest", design.sensors.of(design.linear.equilibrium), "what the sensors show at rest"),
+        Table("input_rest", design.linear.equilibrium.inputs, "inputs at the equilibrium, m"),
+        *_limits(design.linear),
+    )
+    measured = (
+        f"{ny} sensor values (m, N): " + ", ".join(design.sensors.labels),
+        f"{nu} inputs u as they are now (m)",
+    )
+    return {
+        "kind": "lqg", "dt": design.dt, "tables": tables, "inputs": design.linear.inputs, "measured": measured,
+        "size": ny + nu, "sensors": ny,
+        "sizes": [("SENSORS", ny, ""), ("ORDER", design.order, "states of the estimator")],
+    }  # fmt: skip
+
+
+def _limits(linear: LinearModel) -> tuple[Table, ...]:
+    lower, upper = linear.dynamics.members.input_bounds
+    return Table("input_lower", lower, "least total inputs, m"), Table("input_upper", upper, "largest total inputs, m")

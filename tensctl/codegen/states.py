@@ -1,0 +1,40 @@
+"""What the C source of a predictive controller holds that is shown states: charts, and what it follows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tensctl.codegen.chart import chart_tables
+from tensctl.codegen.course import Course, course_of
+from tensctl.codegen.literals import Table
+from tensctl.errors import OutputError
+from tensctl.synthesis import MPC
+from tensctl.synthesis.piece import Piece
+
+
+def state_facts(mpc: MPC) -> dict[str, Any]:
+    """Charts of all models along the reference, and the reference, sample by sample."""
+    course = course_of(mpc.reference, mpc.dt, mpc.delay, mpc.piece_at)
+    pairs = list(zip(course.parts, course.suffixes, strict=True))
+    rests = [Table(f"input_rest{s}", p.linear.equilibrium.inputs, "inputs at the equilibrium, m") for p, s in pairs]
+    return {
+        "charts": tuple(chart_tables(part.linear, suffix) for part, suffix in pairs),
+        "parts": course.parts,
+        "suffixes": course.suffixes,
+        "tables": (*(rests if mpc.delay else ()), *course.tables, _margins(mpc, course)),
+        "samples": len(course.times),
+        "sizes": [],
+    }
+
+
+def _margins(mpc: MPC, course: Course[Piece]) -> Table:
+    tendons = [part.problem.tendons for part in course.parts]
+    if any(not np.array_equal(tendons[0], others) for others in tendons):
+        raise OutputError(
+            "tendons are slack in some planned shapes of this path and taut in others, and the C source has one set of "
+            "tension rows; plan with a larger tension_min."
+        )
+    margin = mpc.problem.margin(mpc.reference.tensions_at(course.times), mpc.tension_min)
+    return Table("course_margin", margin, "tensions of the reference within their limits, over the scale, m")

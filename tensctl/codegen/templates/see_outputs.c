@@ -1,0 +1,50 @@
+{% include "filter.c" %}
+
+{% include "target.c" %}
+
+/* State and inputs when the command of this step begins to act, deviations from the target; inputs and tensions there.
+ * An input that is not measured is taken for the last command. */
+static const struct problem *see(const double *measurement)
+{
+    double now[INPUTS], change[INPUTS], margin[TENSIONS];
+    const double *d = self.estimate + STATES;
+    for (int i = 0; i < INPUTS; i++) {
+        double measured = measurement[SENSORS + i];
+        now[i] = isfinite(measured) ? measured : self.command[i];
+        change[i] = now[i] - input_rest[i];
+    }
+    estimate(measurement, change);
+    aim();
+{% if delay %}
+    /* x(delay) = F x + G0 u + G1 u' + E d,   u' the command that is under way: it is reached by then. */
+    double coming[INPUTS];
+    memcpy(self.begins, self.begun ? self.command : now, sizeof self.begins);
+    for (int i = 0; i < INPUTS; i++) {
+        coming[i] = self.begins[i] - input_rest[i];
+    }
+    memset(self.given, 0, sizeof self.given);
+    add_product(STATES, STATES, 1.0, until_F, self.estimate, self.given);
+    add_product(STATES, INPUTS, 1.0, until_G0, change, self.given);
+    add_product(STATES, INPUTS, 1.0, until_G1, coming, self.given);
+    add_product(STATES, SENSORS, 1.0, until_E, d, self.given);
+{% else %}
+    memcpy(self.given, self.estimate, STATES * sizeof self.given[0]);
+    memcpy(self.begins, now, sizeof self.begins);
+{% endif %}
+    for (int i = 0; i < INPUTS; i++) {
+        self.given[STATES + i] = self.begins[i] - input_rest[i];
+    }
+    for (int i = 0; i < STATES + INPUTS; i++) {
+        self.given[i] -= self.target[i];
+    }
+    for (int k = 0; k < MOST_VARIABLES + INPUTS; k++) {
+        self.about[k] = input_rest[k % INPUTS] + self.target[STATES + k % INPUTS];
+    }
+    memcpy(margin, margin_rest, sizeof margin);
+    add_product(TENSIONS, STATES + INPUTS, 1.0, tension_from_rest, self.target, margin);
+    add_product(TENSIONS, SENSORS, 1.0, tension_shown, d, margin);
+    for (int k = 0; k < MOST_FLOORS; k++) {
+        self.margin[k] = margin[k % TENSIONS];
+    }
+    return &problems[0];
+}

@@ -1,0 +1,53 @@
+{% if delay %}
+/* What becomes of each model's state until a command acts:
+ *   x(delay) = F x + G0 u + G1 u',   u' the command that is under way: it is reached by then. */
+struct until {
+    const double *F, *G0, *G1, *rest; /* rest: total inputs at the equilibrium, m */
+};
+
+static const struct until untils[] = {
+{% for suffix in suffixes %}
+    {until_F<< suffix >>, until_G0<< suffix >>, until_G1<< suffix >>, input_rest<< suffix >>}<< "," if not loop.last >>
+{% endfor %}
+};
+
+{% endif %}
+/* State and inputs when the command of this step begins to act, and the course from then on. */
+static const struct problem *see(const double *measurement)
+{
+    const double *now = measurement + 6 * NODES;
+    const int at = ahead(0), chosen = course_model[at];
+    const double *passed = course_inputs + at * INPUTS;
+    double x[STATES];
+    state_of(&charts[chosen], measurement, measurement + 3 * NODES, x);
+{% if delay %}
+    const struct until *until = &untils[chosen];
+    double change[INPUTS], coming[INPUTS];
+    memcpy(self.begins, self.begun ? self.command : now, sizeof self.begins);
+    for (int i = 0; i < INPUTS; i++) {
+        change[i] = now[i] - until->rest[i];
+        coming[i] = self.begins[i] - until->rest[i];
+    }
+    memset(self.given, 0, sizeof self.given);
+    add_product(STATES, STATES, 1.0, until->F, x, self.given);
+    add_product(STATES, INPUTS, 1.0, until->G0, change, self.given);
+    add_product(STATES, INPUTS, 1.0, until->G1, coming, self.given);
+{% else %}
+    memcpy(self.given, x, sizeof x);
+    memcpy(self.begins, now, sizeof self.begins);
+{% endif %}
+    for (int i = 0; i < STATES; i++) {
+        self.given[i] -= course_state[at * STATES + i];
+    }
+    for (int i = 0; i < INPUTS; i++) {
+        self.given[STATES + i] = self.begins[i] - passed[i];
+    }
+    for (int j = 0; j <= HORIZON; j++) {
+        memcpy(self.about + j * INPUTS, course_inputs + ahead(j) * INPUTS, INPUTS * sizeof self.about[0]);
+        if (j > 0) {
+            memcpy(self.margin + (j - 1) * TENSIONS, course_margin + ahead(j) * TENSIONS,
+                   TENSIONS * sizeof self.margin[0]);
+        }
+    }
+    return &problems[chosen];
+}

@@ -1,0 +1,29 @@
+/* Where to rest under the disturbances d, the target of offset-free control:
+ *   minimise  |N^-1 (G u + G_d d - r)|^2 + rho (u - u_r)'R(u - u_r),   u and tensions at rest within their limits
+ * a problem of one stage whose given numbers are d, r and u_r. Without an answer the last target stays. */
+static const struct problem target_problem = << target.initialiser >>;
+
+static void aim(void)
+{
+    const double *d = self.estimate + STATES, *near = course_inputs + ahead(1) * INPUTS;
+    double given[SENSORS + TRACKED + INPUTS];
+    memcpy(given, d, SENSORS * sizeof given[0]);
+    memcpy(given + SENSORS, course_tracked + ahead(1) * TRACKED, TRACKED * sizeof given[0]);
+    for (int i = 0; i < INPUTS; i++) {
+        given[SENSORS + TRACKED + i] = near[i] - input_rest[i];
+    }
+    pose(&target_problem, given, margin_rest);
+    for (int i = 0; i < INPUTS; i++) {
+        self.lower[i] = self.lower[self.rates_from + i] = target_lower[i];
+        self.upper[i] = self.upper[self.rates_from + i] = target_upper[i];
+    }
+    if (solved(&self.last_target)) {
+        memset(self.target, 0, sizeof self.target);
+        for (int i = 0; i < INPUTS; i++) {
+            self.target[STATES + i] = clipped(self.z[i], target_lower[i], target_upper[i]);
+        }
+        add_product(STATES, INPUTS, 1.0, rest_from_inputs, self.target + STATES, self.target);
+        add_product(STATES, SENSORS, 1.0, rest_from_disturbances, d, self.target);
+    }
+    remember(&self.last_target, 0);
+}
