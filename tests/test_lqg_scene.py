@@ -33,6 +33,13 @@ def test_summary(folder):
     assert found["lqg"]["slowest_pole"] < 0
     assert found["lqg"]["filter_riccati_residual"] < 1e-9
     assert found["lqr"]["sample_time_s"] == 0.02
+    for name in ("lqr", "lqg"):
+        for margin in ("disk_margin", "disk_margin_of_one_input"):
+            alpha, most = found[name][margin], found[name][f"{margin}_at_most"]
+            assert 0 < alpha <= most < alpha * (1 + 1e-5)
+            assert found[name][f"{margin}_gain"][1] == pytest.approx((2 + alpha) / (2 - alpha))
+        assert found[name]["disk_margin"] < found[name]["disk_margin_of_one_input"]
+        assert found[name]["weakest_input"].startswith("t")
     assert found["simulation"]["final_shape_error_m"] < found["simulation"]["largest_shape_error_m"] / 2
 
 

@@ -153,6 +153,9 @@ class TestDownstream:
         assert harmonic["slowest_pole"] == pytest.approx(dense["slowest_pole"], rel=1e-10)
         assert harmonic["riccati_residual"] < 1e-13
         assert harmonic["gain_doubt"] < 1e-11
+        for margin in ("disk_margin", "disk_margin_of_one_input"):
+            assert harmonic[margin] == pytest.approx(dense[margin], rel=1e-5)
+        assert harmonic["weakest_input"][:2] == dense["weakest_input"][:2]
 
     def test_report_says_which(self, runs):
         assert "harmonic by harmonic, since 4 sectors are equal to" in runs["harmonics"][2]

@@ -132,7 +132,8 @@ def _margins(sensitivity: Sensitivity | HarmonicSensitivity, results: Results) -
     if sensitivity.costly_alone:
         return facts | {"disk_margin_of_one_input_left_out": sensitivity.costly_alone}
     weakest, which = sensitivity.weakest_input
-    return facts | _margin("disk_margin_of_one_input", weakest) | {"weakest_input": results.linear.inputs[which]}
+    label = results.linear.inputs[which].removeprefix("u_")
+    return facts | _margin("disk_margin_of_one_input", weakest) | {"weakest_input": label}
 
 
 def _margin(name: str, margin: DiskMargin) -> dict:

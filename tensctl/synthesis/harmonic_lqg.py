@@ -104,7 +104,7 @@ class HarmonicLQG(Estimating):
     @cached_property
     def sensitivity(self) -> HarmonicSensitivity:
         """From what disturbs the plant's inputs to these."""
-        return HarmonicSensitivity.of(self.linear, (loop.sensitivity for loop in self.loops))
+        return HarmonicSensitivity(self.linear, tuple(loop.sensitivity for loop in self.loops))
 
     @property
     def _costs(self) -> tuple[Cost, ...]:

@@ -101,7 +101,7 @@ class HarmonicLQR(Memoryless):
     def sensitivity(self) -> HarmonicSensitivity:
         """From what disturbs the plant's inputs to these, in continuous time."""
         parts = zip(self.linear.blocks, self.K, strict=True)
-        return HarmonicSensitivity.of(self.linear, (Sensitivity(b.A - b.B @ K, b.B, -K, None) for b, K in parts))
+        return HarmonicSensitivity(self.linear, tuple(Sensitivity(b.A - b.B @ K, b.B, -K, None) for b, K in parts))
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:

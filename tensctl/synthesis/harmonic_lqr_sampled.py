@@ -101,8 +101,8 @@ class HarmonicSampledLQR(Memoryless):
     def sensitivity(self) -> HarmonicSensitivity:
         """From what disturbs the commands to these, once a period: its margins are those of the commands."""
         parts = zip(self.sampled, self._loops, self.K, strict=True)
-        return HarmonicSensitivity.of(
-            self.linear, (Sensitivity(loop, own.with_input_state()[1], -K, own.dt) for own, loop, K in parts)
+        return HarmonicSensitivity(
+            self.linear, tuple(Sensitivity(loop, own.with_input_state()[1], -K, own.dt) for own, loop, K in parts)
         )
 
     @one_blas_thread()

@@ -9,7 +9,6 @@ M -> [Re M, -Im M; Im M, Re M], whose norm over w >= 0 is that of harmonic k ove
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -37,11 +36,6 @@ class HarmonicSensitivity:
 
     linear: HarmonicModel
     blocks: tuple[Sensitivity, ...]
-
-    @classmethod
-    def of(cls, linear: HarmonicModel, blocks: Iterable[Sensitivity]) -> HarmonicSensitivity:
-        """That of a loop's harmonics."""
-        return cls(linear, tuple(blocks))
 
     @property
     def costly(self) -> str | None:
