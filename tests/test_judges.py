@@ -98,3 +98,20 @@ def test_a_solver_that_gives_up_is_quoted_without_its_sources():
     said = '.../sundials/idas_interface.cpp:620: IDACalcIC returned "IDA_LINESEARCH_FAIL". Consult IDAS documentation.'
     assert _cause("first line\n" + said) == "IDACalcIC returned IDA_LINESEARCH_FAIL"
     assert _cause("first line\nlast line") == "last line"
+
+
+@pytest.mark.parametrize("pins", [{}, {"a": "xy", "b": "y"}], ids=["free", "one end pinned, one guided"])
+@pytest.mark.parametrize("tol", [1e-4, 1e-6, 1e-8, 1e-10])
+def test_idas_starts_from_rest_at_every_tolerance(pins, tol):
+    """Out of equilibrium, where accelerations jump from nothing: the error follows the tolerance down."""
+    structure = {
+        "kind": "planar",
+        "nodes": {"a": [0, 0], "b": [2, 0], "c": [2, 1.5], "d": [0, 1.4]},
+        "rods": {"r1": ["a", "c"], "r2": ["d", "b"]},
+        "tendons": {"t1": ["a", "b"], "t2": ["b", "c"], "t3": ["c", "d"], "t4": ["d", "a"]},
+        "pins": pins,
+    }
+    dynamics = tc.build_dynamics(tc.Scene(structure=structure, tendons={"damping": 1.0}))
+    exact = tc.simulate(dynamics, dynamics.structure.nodes, t_end=0.5, method="dopri5", tol=1e-12)
+    run = tc.simulate(dynamics, dynamics.structure.nodes, t_end=0.5, method="idas", tol=tol)
+    assert np.abs(run.nodes[-1] - exact.nodes[-1]).max() < 2 * tol

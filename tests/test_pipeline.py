@@ -39,6 +39,11 @@ def test_writes_three_files(short):
     assert list(short[1].parent.iterdir()) == [short[1]]
 
 
+def test_says_what_it_has_in_a_line(short):
+    assert repr(short[0]).startswith("Results(scene, equilibrium, dynamics, linear, study, path, ")
+    assert len(repr(short[0])) < 200
+
+
 class TestSummary:
     def test_has_every_stage(self, summary):
         stages = ("structure", "equilibrium", "linear", "controllability", "lqr", "target", "mpc", "simulation")

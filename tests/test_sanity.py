@@ -193,6 +193,20 @@ class TestWarnings:
         assert sanity.rods.distance == pytest.approx(0.45 - run.time, abs=1e-12)
         assert sanity.warnings[0] == "rods lying and flying touch at 0.45 s; 0.03 m into each other at 0.48 s."
 
+    def test_rods_of_a_plane_that_cross_all_the_time_touch_from_the_start(self):
+        """Their distance is rounding throughout, least at some time that means nothing."""
+        scene = tc.Scene(
+            structure={
+                "kind": "planar",
+                "nodes": {"a": [0, 0], "b": [2, 0], "c": [2, 1.5], "d": [0, 1.4]},
+                "rods": {"r1": ["a", "c"], "r2": ["d", "b"]},
+                "tendons": {"t1": ["a", "b"], "t2": ["b", "c"], "t3": ["c", "d"], "t4": ["d", "a"]},
+            }
+        )
+        dynamics = tc.build_dynamics(scene)
+        run = tc.simulate(dynamics, dynamics.structure.nodes, t_end=0.5)
+        assert tc.inspect_run(dynamics, run).warnings[0] == "rods r1 and r2 touch at 0 s."
+
     def test_thin_rods_that_come_near(self):
         dynamics, start = two_rods()
         assert NEAR * 2.0 > 0.015

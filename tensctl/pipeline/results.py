@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -78,6 +78,11 @@ class Results:
     certificate: Certificate | None = None
     accuracy: WorkPrecision | None = None
     solvers: SolverPrecision | None = None
+
+    def __repr__(self) -> str:
+        """Which results there are; each has its own."""
+        there = [field.name for field in fields(self) if getattr(self, field.name) is not None]
+        return f"Results({', '.join(there)})"
 
     @property
     def structure(self) -> Structure:

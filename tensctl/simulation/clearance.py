@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 # Room for pairs or passings found; when it is too small the kernel says how much is needed and runs once more.
 _ROOM = 1024
+# Differences of distances over the largest coordinate that are rounding.
+_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,8 @@ def clearance(
     other = first if second is None else second
     places, rates = np.ascontiguousarray(nodes, float), np.ascontiguousarray(velocities, float)
     distance, pair, found = _watched(time, places, rates, first, other, same=second is None)
-    return Clearance(time, distance, pair, _encounters(time, found), _passings(found))
+    rounding = _ROUNDING * float(np.abs(places).max(initial=0.0))
+    return Clearance(time, distance, pair, _encounters(time, found, rounding), _passings(found))
 
 
 def _watched(
@@ -135,12 +138,12 @@ def _watched(
         close, passed = max(met, close), max(went, passed)
 
 
-def _encounters(time: np.ndarray, found: Found) -> tuple[Encounter, ...]:
-    """One entry a pair; what is found comes in the order of time."""
+def _encounters(time: np.ndarray, found: Found, rounding: float) -> tuple[Encounter, ...]:
+    """One entry a pair; what is found comes in the order of time, and what differs by rounding alone is no nearer."""
     best: dict[tuple[int, int], tuple[int, int]] = {}
     for k, (i, j) in enumerate(found.close.tolist()):
         begins, nearest = best.get((i, j), (k, k))
-        best[i, j] = begins, k if found.gap[k] < found.gap[nearest] else nearest
+        best[i, j] = begins, k if found.gap[k] < found.gap[nearest] - rounding else nearest
     return tuple(
         Encounter(i, j, float(time[found.when[k]]), float(found.gap[n]), float(time[found.when[n]]))
         for (i, j), (k, n) in best.items()

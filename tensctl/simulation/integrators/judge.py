@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -21,8 +21,8 @@ from tensctl.model.joint_kernel import close
 from tensctl.model.kernel import tidy
 from tensctl.simulation.drive import Drive
 
-# Error allowed in a step over tol, as for the adaptive explicit method; below 1e-13 of a state the solvers give up.
-_STRICT, _LEAST = 0.01, 1e-13
+# Below 1e-13 of a state the solvers give up.
+_LEAST = 1e-13
 # Steps between two recorded times: a judge that needs more gives up instead of crawling for minutes.
 _MOST_STEPS = 300_000
 # Tendons beyond which a model of CasADi expressions takes minutes to make.
@@ -37,6 +37,8 @@ class Judge:
     ----------
     dynamics : Dynamics
     tol : float
+    strict : float
+        Error allowed in a step over tol, as for the adaptive explicit method.
     """
 
     dynamics: Dynamics
@@ -44,6 +46,7 @@ class Judge:
     evaluations: int = 0
     switches: int = 0
     local_errors: float = np.nan
+    strict: ClassVar[float] = 0.01
 
     def __post_init__(self) -> None:
         """Refuse what is too large.
@@ -89,7 +92,7 @@ class Judge:
     def options(self) -> dict[str, float | int]:
         """Tolerances of the solver."""
         size = float(np.ptp(self.dynamics.structure.nodes, axis=0).max())
-        share = max(_STRICT * self.tol, _LEAST)
+        share = max(self.strict * self.tol, _LEAST)
         return {"reltol": share, "abstol": share * min(size, 1.0), "max_num_steps": _MOST_STEPS}
 
     def settled(self, q: np.ndarray, v: np.ndarray) -> None:
