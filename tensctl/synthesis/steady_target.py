@@ -88,7 +88,7 @@ class SteadyTarget:
 
     @property
     def from_given(self) -> Float[np.ndarray, "nu m"]:
-        """f of the programme, row by row from d, r and u_r side by side."""
+        """The programme's f, row by row from d, r and u_r side by side."""
         noise = self.model.sensors.noise[self.tracked]
         return self._scale * np.hstack([self.gain.T @ self.disturbed, -self.gain.T / noise, -self._rho])
 
