@@ -39,10 +39,10 @@ def predictive(linear, **given):
 
 
 class Both:
-    """A controller and its C source on the same measurements; C steers."""
+    """A controller and its C source on the same measurements; C steers, told what is `asked` of it."""
 
-    def __init__(self, python, c):
-        self.python, self.c, self.dt = python, c, python.dt
+    def __init__(self, python, c, asked=None):
+        self.python, self.c, self.dt, self.asked = python, c, python.dt, asked
         self.sensors, self.delay = getattr(python, "sensors", None), getattr(python, "delay", 0.0)
         self.differences, self.outcomes, self.steps, self.measurements = [], [], [], []
 
@@ -52,6 +52,8 @@ class Both:
 
     def step(self, t, measurement):
         seen = flat(measurement) if self.sensors is None else np.concatenate([measurement.values, measurement.inputs])
+        if self.asked is not None:
+            seen = np.concatenate([seen, self.asked(t)])
         wanted = self.python.step(t, measurement)
         outcome, u = self.c.step(seen)
         self.differences.append(np.abs(u - wanted).max())

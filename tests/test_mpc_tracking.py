@@ -254,11 +254,6 @@ class TestSignal:
         with pytest.raises(tc.SynthesisError, match=sentence):
             tc.MPC(mast[2], horizon=2, weights=tc.Weights(outputs=weights), signal=signal)
 
-    def test_no_c_source(self, mast, tmp_path):
-        controller = following(mast, TIP)
-        with pytest.raises(tc.OutputError, match="follows a signal"):
-            tc.export_c(controller, tmp_path / "a.c")
-
     def test_what_no_output_shows_needs_energy(self, mast):
         """The mean of a ring shows symmetric modes only: without energy the others would swing for ever."""
         ring = tc.Mix({"mean": {f"l_t6_{i}_1": 1.0 for i in (1, 2, 3)}})

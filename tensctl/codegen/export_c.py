@@ -92,21 +92,10 @@ def _made(controller: Exportable, name: str, max_iterations: int | None) -> CSou
     else:
         raise OutputError(f"{type(controller).__name__} has no form in C; give an LQR, an LQG or an MPC.")
     facts: dict[str, Any] = {"name": name, "version": __version__, "number": number}
-    facts |= {"charts": (), "delay": 0.0, "sensors": 0} | found
-    if charts := facts["charts"]:
-        facts |= _shown_states(charts[0].nodes, len(facts["inputs"]))
-    tables = (*(table for chart in charts for table in chart.tables), *facts["tables"])
+    facts |= {"charts": (), "delay": 0.0, "sensors": 0, "signal": None} | found
+    tables = (*(table for chart in facts["charts"] for table in chart.tables), *facts["tables"])
     facts |= {"tables": tables}
     return CSource(facts["kind"], _filled("controller.h", facts), _filled("controller.c", facts), tables)
-
-
-def _shown_states(nodes: int, inputs: int) -> dict[str, Any]:
-    measured = (
-        f"{3 * nodes} node coordinates (m), node by node",
-        f"{3 * nodes} node velocities (m/s), in the same order",
-        f"{inputs} inputs u as they are now (m)",
-    )
-    return {"measured": measured, "size": 6 * nodes + inputs}
 
 
 def _filled(template: str, facts: dict[str, Any]) -> str:

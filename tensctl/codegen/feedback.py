@@ -7,6 +7,7 @@ from typing import Any
 from tensctl.codegen.chart import chart_tables
 from tensctl.codegen.course import course_of
 from tensctl.codegen.literals import Table
+from tensctl.codegen.states import shown_states
 from tensctl.errors import OutputError
 from tensctl.linear import LinearModel
 from tensctl.synthesis import LQG, LQR, SampledLQR
@@ -21,7 +22,7 @@ def lqr_facts(design: LQR | SampledLQR) -> dict[str, Any]:
     charts = tuple(chart_tables(part.linear, suffix) for part, suffix in pairs)
     sees_inputs = isinstance(design, SampledLQR)
     states, inputs = charts[0].states, design.linear.inputs
-    return {
+    return shown_states(charts[0].nodes, len(inputs)) | {
         "kind": "lqr", "dt": design.dt, "charts": charts, "gains": [gain.name for gain in gains], "inputs": inputs,
         "tables": (*gains, *course.tables, *_limits(design.linear)), "sees_inputs": sees_inputs,
         "sizes": [

@@ -30,7 +30,7 @@ def output_facts(mpc: OutputMPC) -> dict[str, Any]:
     carried = Table("until_E", mpc.carried, "state when the next command begins to act from the disturbances")
     tables = (*target.tables, *_filter_tables(mpc), *_rest_tables(mpc), *_course_tables(mpc, times))
     return {
-        "sensors": ny, "measured": measured, "size": ny + nu, "target": target, "samples": len(times),
+        "sensors": ny, "measured": measured, "size": ny + nu, "target": target, "times": times,
         "tables": (*tables, carried) if mpc.delay else tables, "parts": (mpc.piece_at(0.0),), "suffixes": ("",),
         "absurd": ABSURD, "patience": PATIENCE, "back": BACK,
         "sizes": [

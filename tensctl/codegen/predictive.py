@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from tensctl.codegen.literals import Table
 from tensctl.codegen.outputs import output_facts
 from tensctl.codegen.problem import problem_tables
+from tensctl.codegen.signals import signal_facts
 from tensctl.codegen.states import state_facts
 from tensctl.errors import OutputError
-from tensctl.synthesis import MPC, OutputMPC
+from tensctl.synthesis import MPC, Condensed, OutputMPC
 from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.reference import Hold
 
@@ -22,36 +25,48 @@ def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
     OutputError
         For a controller that follows what has no table.
     """
-    if mpc.signal is not None:
-        raise OutputError("this MPC follows a signal, and the C source holds one equilibrium; export one without.")
-    if not isinstance(mpc.wanted if isinstance(mpc, OutputMPC) else mpc.reference, Hold):
+    if isinstance(mpc, OutputMPC):
+        found, reference = output_facts(mpc), mpc.wanted
+    else:
+        found, reference = state_facts(mpc), mpc.reference
+    if not isinstance(reference, Hold):
         raise OutputError(
             "this MPC follows a path of shapes over time, and the C source holds one equilibrium; "
             "export tc.MPC(tc.linearize(dynamics, path.target), ...)."
         )
-    found = output_facts(mpc) if isinstance(mpc, OutputMPC) else state_facts(mpc)
+    wanted = signal_facts(mpc, reference, found["times"], found["size"])
     inputs, unknowns = mpc.linear.inputs, mpc.horizon * (len(mpc.linear.inputs) + 1)
     pairs: list[tuple[str, Piece]] = list(zip(found["suffixes"], found["parts"], strict=True))
     problems = [
-        problem_tables(suffix, p.H, p.from_state, p.rows, p.tension_from_state, mpc.horizon)
+        problem_tables(suffix, p.H, _from_given(p), p.rows, p.tension_from_state, mpc.horizon)
         for suffix, p in ((suffix, part.problem) for suffix, part in pairs)
     ]
     tables = [table for problem in problems for table in problem.tables]
     for suffix, part in pairs:
         tables += _until_it_acts(part, suffix) if mpc.delay else ()
-    return found | {
+    samples = len(found["times"])
+    return found | wanted | {
         "kind": "mpc", "dt": mpc.dt, "delay": mpc.delay, "inputs": inputs, "problems": problems,
-        "tables": (*tables, *found["tables"], *_limits(mpc)),
+        "size": found["size"] + wanted["told"],
+        "measured": found["measured"] + ((wanted["says"],) if wanted["told"] else ()),
+        "tables": (*tables, *found["tables"], *wanted["tables"], *_limits(mpc)),
         "sizes": [
             *found["sizes"],
+            *wanted["sizes"],
             ("HORIZON", mpc.horizon, "stages"),
             ("TENSIONS", len(mpc.problem.tendons), "tension rows of a stage"),
-            ("GIVEN", len(mpc.linear.states) + len(inputs), "state and inputs when a command begins to act"),
-            ("COURSE", found["samples"], "samples after which the reference rests"),
-            ("LAST_SAMPLE", found["samples"], "after which all is constant"),
+            ("GIVEN", len(mpc.linear.states) + len(inputs) + wanted["wanted"], "state, inputs and what is wanted"),
+            ("COURSE", samples, "samples after which the reference rests"),
+            ("LAST_SAMPLE", max(samples, wanted["last"]), "after which all is constant"),
             ("MAX_ITERATIONS", max_iterations or 10 * unknowns, "changes of the active set in a step"),
         ],
     }  # fmt: skip
+
+
+def _from_given(problem: Condensed) -> np.ndarray:
+    """F of f = F g: state and inputs, then what is wanted at every stage."""
+    pulled = () if problem.following is None else (problem.following.plan,)
+    return np.hstack([problem.from_state, *pulled])
 
 
 def _limits(mpc: MPC) -> tuple[Table, ...]:

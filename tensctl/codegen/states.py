@@ -19,14 +19,25 @@ def state_facts(mpc: MPC) -> dict[str, Any]:
     course = course_of(mpc.reference, mpc.dt, mpc.delay, mpc.piece_at)
     pairs = list(zip(course.parts, course.suffixes, strict=True))
     rests = [Table(f"input_rest{s}", p.linear.equilibrium.inputs, "inputs at the equilibrium, m") for p, s in pairs]
-    return {
-        "charts": tuple(chart_tables(part.linear, suffix) for part, suffix in pairs),
+    charts = tuple(chart_tables(part.linear, suffix) for part, suffix in pairs)
+    return shown_states(charts[0].nodes, len(mpc.linear.inputs)) | {
+        "charts": charts,
         "parts": course.parts,
         "suffixes": course.suffixes,
         "tables": (*(rests if mpc.delay else ()), *course.tables, _margins(mpc, course)),
-        "samples": len(course.times),
+        "times": course.times,
         "sizes": [],
     }
+
+
+def shown_states(nodes: int, inputs: int) -> dict[str, Any]:
+    """What a controller is shown that knows the state."""
+    measured = (
+        f"{3 * nodes} node coordinates (m), node by node",
+        f"{3 * nodes} node velocities (m/s), in the same order",
+        f"{inputs} inputs u as they are now (m)",
+    )
+    return {"measured": measured, "size": 6 * nodes + inputs}
 
 
 def _margins(mpc: MPC, course: Course[Piece]) -> Table:

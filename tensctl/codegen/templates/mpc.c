@@ -44,6 +44,10 @@ static struct {
 
 {% include "see_outputs.c" if sensors else "see_state.c" %}
 
+{% if signal %}
+{% include "signal.c" %}
+
+{% endif %}
 /* Vectors of the hard problem from where the step begins. */
 static void state_problem(const struct problem *problem)
 {
@@ -81,7 +85,11 @@ static void shift_plan(void)
 static void answer(const double *measurement)
 {
     self.iterations = 0;
-    state_problem(see(measurement));
+    const struct problem *problem = see(measurement);
+{% if signal %}
+    want(measurement);
+{% endif %}
+    state_problem(problem);
     if (solved(&self.last_plan)) {
         self.report.outcome = self.relaxed ? TENSCTL_RELAXED : TENSCTL_OK;
         for (int k = 0; k < MOST_VARIABLES; k++) {

@@ -10,7 +10,7 @@ static void add_product(int rows, int columns, double sign, const double *A, con
     }
 }
 
-{% if not (kind == "mpc" and sensors) %}
+{% if not (kind == "mpc" and sensors and signal != "shown") %}
 static int all_finite(int n, const double *x)
 {
     for (int i = 0; i < n; i++) {
