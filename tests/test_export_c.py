@@ -333,11 +333,6 @@ class TestAlone:
 
 
 class TestWhatIsRefused:
-    def test_a_path(self, tmp_path):
-        scene = shell_scene(pins=["P1_*_1"], target={"height_scale": 1.05}, mpc={"horizon": 3})
-        with pytest.raises(OutputError, match="follows a path"):
-            tc.export_c(design(scene), tmp_path)
-
     def test_drag_on_a_free_structure(self, tmp_path):
         _, _, linear = solved(shell_scene(drag={"coefficient": 0.1}))
         with pytest.raises(OutputError, match="rigid-body rates"):

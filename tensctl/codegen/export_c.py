@@ -18,9 +18,9 @@ from tensctl.codegen.feedback import lqg_facts, lqr_facts
 from tensctl.codegen.literals import Table, number
 from tensctl.codegen.predictive import predictive
 from tensctl.errors import OutputError
-from tensctl.synthesis import LQG, LQR, MPC, SampledLQR
+from tensctl.synthesis import LQG, LQR, MPC, SampledLQR, ScheduledLQR
 
-Exportable = LQR | SampledLQR | LQG | MPC
+Exportable = LQR | SampledLQR | ScheduledLQR | LQG | MPC
 
 _NAME = "controller"
 
@@ -53,8 +53,8 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
 
     Parameters
     ----------
-    controller : LQR, LQG or MPC
-        About one equilibrium: a controller that follows a path is refused.
+    controller : LQR, ScheduledLQR, LQG, MPC or OutputMPC
+        What follows a path has it as a table, one row a control period.
     path : path
         A file `NAME.c`, or a folder that exists, for `controller.c`; the header stands beside it.
     max_iterations : int, optional
@@ -87,7 +87,7 @@ def _made(controller: Exportable, name: str, max_iterations: int | None) -> CSou
         found = lqg_facts(controller)
     elif isinstance(controller, MPC):
         found = predictive(controller, max_iterations)
-    elif isinstance(controller, LQR | SampledLQR):
+    elif isinstance(controller, LQR | SampledLQR | ScheduledLQR):
         found = lqr_facts(controller)
     else:
         raise OutputError(f"{type(controller).__name__} has no form in C; give an LQR, an LQG or an MPC.")

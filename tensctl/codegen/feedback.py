@@ -10,21 +10,33 @@ from tensctl.codegen.literals import Table
 from tensctl.codegen.states import shown_states
 from tensctl.errors import OutputError
 from tensctl.linear import LinearModel
-from tensctl.synthesis import LQG, LQR, SampledLQR
+from tensctl.synthesis import LQG, LQR, SampledLQR, ScheduledLQR
 from tensctl.synthesis.reference import Hold
 
 
-def lqr_facts(design: LQR | SampledLQR) -> dict[str, Any]:
-    """Facts of state feedback."""
-    course = course_of(Hold(design.linear.equilibrium), design.dt, 0.0, lambda t: design)
+def lqr_facts(design: LQR | SampledLQR | ScheduledLQR) -> dict[str, Any]:
+    """Facts of state feedback about an equilibrium, or scheduled along a path.
+
+    Raises
+    ------
+    OutputError
+        Where some designs along the path see inputs and others do not.
+    """
+    if isinstance(design, ScheduledLQR):
+        course = course_of(design.path, design.dt, 0.0, design.at)
+    else:
+        course = course_of(Hold(design.linear.equilibrium), design.dt, 0.0, lambda t: design)
     pairs = list(zip(course.parts, course.suffixes, strict=True))
     gains = [Table(f"K{s}", part.K, "gain: change of the inputs, m, from states (and inputs)") for part, s in pairs]
     charts = tuple(chart_tables(part.linear, suffix) for part, suffix in pairs)
-    sees_inputs = isinstance(design, SampledLQR)
-    states, inputs = charts[0].states, design.linear.inputs
+    sees_inputs = isinstance(course.parts[0], SampledLQR)
+    if any(isinstance(part, SampledLQR) != sees_inputs for part in course.parts):
+        raise OutputError("designs along this path are sampled in part; give scheduled_lqr one kind of design.")
+    linear = course.parts[0].linear
+    states, inputs = charts[0].states, linear.inputs
     return shown_states(charts[0].nodes, len(inputs)) | {
         "kind": "lqr", "dt": design.dt, "charts": charts, "gains": [gain.name for gain in gains], "inputs": inputs,
-        "tables": (*gains, *course.tables, *_limits(design.linear)), "sees_inputs": sees_inputs,
+        "tables": (*gains, *course.tables, *_limits(linear)), "sees_inputs": sees_inputs,
         "sizes": [
             ("GAINED", states + sees_inputs * len(inputs), "states, and inputs where the gain sees them"),
             ("COURSE", len(course.times), "samples after which the reference rests"),

@@ -11,29 +11,16 @@ from tensctl.codegen.outputs import output_facts
 from tensctl.codegen.problem import problem_tables
 from tensctl.codegen.signals import signal_facts
 from tensctl.codegen.states import state_facts
-from tensctl.errors import OutputError
 from tensctl.synthesis import MPC, Condensed, OutputMPC
 from tensctl.synthesis.piece import Piece
-from tensctl.synthesis.reference import Hold
 
 
 def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
-    """Facts of a predictive controller, shown states or sensors.
-
-    Raises
-    ------
-    OutputError
-        For a controller that follows what has no table.
-    """
+    """Facts of a predictive controller, shown states or sensors."""
     if isinstance(mpc, OutputMPC):
         found, reference = output_facts(mpc), mpc.wanted
     else:
         found, reference = state_facts(mpc), mpc.reference
-    if not isinstance(reference, Hold):
-        raise OutputError(
-            "this MPC follows a path of shapes over time, and the C source holds one equilibrium; "
-            "export tc.MPC(tc.linearize(dynamics, path.target), ...)."
-        )
     wanted = signal_facts(mpc, reference, found["times"], found["size"])
     inputs, unknowns = mpc.linear.inputs, mpc.horizon * (len(mpc.linear.inputs) + 1)
     pairs: list[tuple[str, Piece]] = list(zip(found["suffixes"], found["parts"], strict=True))

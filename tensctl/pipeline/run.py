@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tensctl.accuracy import SolverPrecision
     from tensctl.analysis import Study
     from tensctl.scene import Scene
-    from tensctl.synthesis import LQG, LQR, MPC, SampledLQR
+    from tensctl.synthesis import LQG, LQR, MPC, SampledLQR, ScheduledLQR
 
 
 def run(scene: Scene, out: str | Path, *, progress: Progress | None = None) -> Results:
@@ -84,11 +84,11 @@ def study(scene: Scene) -> Study:
     return found
 
 
-def design(scene: Scene) -> LQR | SampledLQR | LQG | MPC:
+def design(scene: Scene) -> LQR | SampledLQR | ScheduledLQR | LQG | MPC:
     """The controller that a scene runs, and nothing else: what `tensctl export SCENE -o FILE.c` writes.
 
     It is the one that `simulation.controller` names, or the only one that the scene has a section for. An LQR is
-    designed the dense way: C source holds its gain as a matrix.
+    designed the dense way: C source holds its gain as a matrix. With a target it is scheduled along the path to it.
 
     Raises
     ------
@@ -106,7 +106,11 @@ def design(scene: Scene) -> LQR | SampledLQR | LQG | MPC:
     later: dict[str, Any] = dict.fromkeys(("controllability", "simulation", "accuracy", "report"))
     if scene.lqr is not None:
         later["lqr"] = scene.lqr.model_copy(update={"way": "dense"})
-    found = getattr(_compute(scene.replaced(**later), Clock()), name)
+    clock = Clock()
+    results = _compute(scene.replaced(**later), clock)
+    if name == "lqr" and results.path is not None:
+        results, name = _scheduled(results, clock), "scheduled"
+    found = getattr(results, name)
     assert found is not None
     return found
 
