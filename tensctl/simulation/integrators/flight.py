@@ -51,22 +51,16 @@ def fly(rows, q, v, h, far):
 
 @part
 def turn(n, over, direction, rate, h):
-    """Turn rods by the series; written out, and apart from `turn_far`, so that the compiler takes four at once."""
+    """Turn rods by the series; apart from `turn_far`, so that the compiler takes four at once."""
     two = n + n
     for r in range(n):
         x, y, z = direction[r], direction[n + r], direction[two + r]
         a, b, d = rate[r], rate[n + r], rate[two + r]
         spin = over[r] * (a * a + b * b + d * d)
-        back, s = versine(h * h * spin), sine(h * h * spin)
-        ahead, fall = h * s, h * s * spin
-        direction[r] = x + (ahead * a - back * x)
-        direction[n + r] = y + (ahead * b - back * y)
-        direction[two + r] = z + (ahead * d - back * z)
-        rate[r], rate[n + r], rate[two + r] = (
-            a - (fall * x + back * a),
-            b - (fall * y + back * b),
-            d - (fall * z + back * d),
-        )
+        back, ahead = versine(h * h * spin), h * sine(h * h * spin)
+        direction[r], rate[r] = turned(x, a, back, ahead, spin)
+        direction[n + r], rate[n + r] = turned(y, b, back, ahead, spin)
+        direction[two + r], rate[two + r] = turned(z, d, back, ahead, spin)
 
 
 @part
@@ -78,16 +72,16 @@ def turn_far(n, over, direction, rate, h):
         a, b, d = rate[r], rate[n + r], rate[two + r]
         spin = over[r] * (a * a + b * b + d * d)
         angle = abs(h) * np.sqrt(spin)
-        back, s = 1.0 - np.cos(angle), np.sin(angle) / angle if angle > 0.0 else 1.0
-        ahead, fall = h * s, h * s * spin
-        direction[r] = x + (ahead * a - back * x)
-        direction[n + r] = y + (ahead * b - back * y)
-        direction[two + r] = z + (ahead * d - back * z)
-        rate[r], rate[n + r], rate[two + r] = (
-            a - (fall * x + back * a),
-            b - (fall * y + back * b),
-            d - (fall * z + back * d),
-        )
+        back, ahead = 1.0 - np.cos(angle), h * (np.sin(angle) / angle if angle > 0.0 else 1.0)
+        direction[r], rate[r] = turned(x, a, back, ahead, spin)
+        direction[n + r], rate[n + r] = turned(y, b, back, ahead, spin)
+        direction[two + r], rate[two + r] = turned(z, d, back, ahead, spin)
+
+
+@part
+def turned(x, a, back, ahead, spin):
+    """A component of a direction and of its rate after a turn."""
+    return x + (ahead * a - back * x), a - (ahead * spin * x + back * a)
 
 
 @part
