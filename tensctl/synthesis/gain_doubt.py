@@ -18,6 +18,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float, Int
 
+from tensctl.synthesis.schur_lyapunov import LyapunovSolver
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -80,13 +81,16 @@ def gain_doubt(
     root = sla.cholesky(W, lower=True)
     sizes = np.real(np.diag(P))
     scale = np.sqrt(np.maximum(sizes, np.finfo(float).eps * sizes.max(initial=0.0)) + np.finfo(float).tiny)
+    # Each state over its size: Y of loop* Y + Y loop + E = 0, or of loop* Y loop - Y + E = 0.
+    apart = np.outer(scale, scale)
+    solver = LyapunovSolver.of((loop * np.outer(scale, 1 / scale)).conj().T, sampled=sampled)
     gain = K
     if current:
         gain = sla.cho_solve((root, True), back @ P)
         before = np.eye(len(A)) - B @ gain
 
     def change(E: np.ndarray, straight: np.ndarray | float) -> float:
-        moved = back @ _solution(loop, E, scale, sampled) @ before + straight
+        moved = back @ (apart * solver.solve(E / apart)) @ before + straight
         return float(np.linalg.norm(sla.solve_triangular(root, moved, lower=True)))
 
     def noise(M: np.ndarray) -> np.ndarray:
@@ -112,10 +116,3 @@ def gain_doubt(
 def _mirrored(M: np.ndarray) -> np.ndarray:
     """The Hermitian matrix of an upper triangle."""
     return np.triu(M) + np.triu(M, 1).conj().T
-
-
-def _solution(loop: np.ndarray, E: np.ndarray, scale: np.ndarray, sampled: bool) -> np.ndarray:
-    """Y of L(Y) + E = 0, each state seen over its scale."""
-    apart = np.outer(scale, scale)
-    form, W = (loop * np.outer(scale, 1 / scale)).conj().T, E / apart
-    return apart * (sla.solve_discrete_lyapunov(form, W) if sampled else sla.solve_continuous_lyapunov(form, -W))

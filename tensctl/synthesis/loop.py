@@ -16,8 +16,9 @@ import numpy as np
 from jaxtyping import Complex, Inexact
 
 from tensctl.synthesis.estimator import Estimator, Plant
-from tensctl.synthesis.lyapunov import Lyapunov, lyapunov
+from tensctl.synthesis.lyapunov import Lyapunov, lyapunov, ready
 from tensctl.synthesis.margins import Sensitivity
+from tensctl.synthesis.schur_lyapunov import LyapunovSolver
 from tensctl.synthesis.weights import Cost
 
 
@@ -68,7 +69,11 @@ class Loop:
     def noise(self, W: np.ndarray, V: np.ndarray) -> Lyapunov:
         """Covariance of the loop's state under process noise W and sensor noise V."""
         drive = self.pushed @ W @ self.pushed.conj().T + self.misread @ V @ self.misread.conj().T
-        return lyapunov(self.A, drive, sampled=self.dt is not None)
+        return lyapunov(self.A, drive, sampled=self.dt is not None, solver=self._ready)
+
+    @cached_property
+    def _ready(self) -> LyapunovSolver:
+        return ready(self.A, sampled=self.dt is not None)
 
     def cost(self, covariance: np.ndarray, cost: Cost) -> float:
         """Expected cost rate (of a period when sampled, with weights on (z, u_k) and u_(k+1))."""
