@@ -14,6 +14,7 @@ are lost, when a sampled loop has a pole near -1: at half the sampling rate and 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -98,6 +99,6 @@ def _halved(T: np.ndarray) -> int:
 
 
 def _small(S: np.ndarray, T: np.ndarray, F: np.ndarray) -> np.ndarray:
-    solve = sla.get_lapack_funcs("trsyl", (S, T, F))
+    solve: Any = sla.get_lapack_funcs("trsyl", (S, T, F))
     Y, scale, _ = solve(S, T, -F, tranb="C" if np.iscomplexobj(F) else "T")
     return Y / scale
