@@ -4,7 +4,8 @@
 
 Shapes are planned apart from each other, each by the least change of rest lengths, and a spline through them cuts
 corners where a limit begins to act; inertia adds to tensions and rest lengths. A plan is therefore looked over
-(`synthesis.way`) and made again from itself, until no way lacks anything.
+(`synthesis.way`) and made again from itself, until no way lacks anything: first as if it were infinitely slow, then
+with inertia, for which time is the better remedy.
 """
 
 from __future__ import annotations
@@ -27,8 +28,6 @@ _ROUNDS = 12
 # A plan that lacks so many times more than the best is no way out: more tension at a shape bends the way, and inertia
 # of a bent way takes more again. Floors of 9 N from a start with 3 pass through seven times as much, and are kept.
 _WORSE = 10.0
-# A motion that takes so many times longer has no inertia to speak of.
-_SLOW = 1e3
 # Values of features that differ by less, m, are the same: where a leg begins, every plan meets them to rounding.
 _SAME = 1e-9
 
@@ -45,27 +44,35 @@ def plan_all_along(legs: tuple[Leg, ...], start: Equilibrium, asked: Asked, rate
     whole = asked.limits(start)
     plan = _Plan((start,), (whole,) * (1 + sum(leg.steps for leg in legs)))
     plan = plan.followed_by(legs, asked, plan.limits)
-    lack = least = lacking(_in_time(plan.path(legs), rate_max), whole)
+    _in_time(plan.path(legs), rate_max)
+    cannot = "and the planned shapes beside cannot keep as much more"
+    plan, lack = _mended(plan, legs, asked, whole, moving=False)
+    if lack:
+        raise SynthesisError(f"{lack.said()}, {cannot}; {asked.remedy(start)}.")
+    slow = lack.path
+    plan, lack = _mended(plan, legs, asked, whole, moving=True)
+    if lack:
+        in_words = f"{lack.said()} as it moves, {cannot}; allow more time."
+        raise SynthesisError(too_quick(slow, asked.tension_min) or in_words)
+    return _in_time(lack.path, rate_max)
+
+
+def _mended(
+    plan: _Plan, legs: tuple[Leg, ...], asked: Asked, whole: ShapeLimits, *, moving: bool
+) -> tuple[_Plan, Lack]:
+    """The plan that lacks nothing between its shapes, or the least of those tried, and what that is."""
+    lack = lacking(plan.path(legs), whole, moving=moving)
+    best = plan, lack
     for _ in range(_ROUNDS):
-        if not lack or lack.worst > _WORSE * least.worst:
+        if not lack or lack.worst > _WORSE * best[1].worst:
             break
         try:
             plan = plan.followed_by(legs, asked, lack.asked_more(plan.limits))
         except SynthesisError:
             break
-        lack = lacking(plan.path(legs), whole)
-        least = min(least, lack, key=lambda found: found.worst)
-    if least:
-        raise SynthesisError(_refusal(least, whole, asked))
-    return _in_time(least.path, rate_max)
-
-
-def _refusal(lack: Lack, whole: ShapeLimits, asked: Asked) -> str:
-    """What a path lacks, and what would help: time where a slow motion lacks nothing."""
-    cannot = f"{lack.said()}, and the planned shapes beside cannot keep as much more"
-    if lacking(lack.path.slowed(_SLOW), whole):
-        return f"{cannot}; {asked.remedy(lack.path.target)}."
-    return too_quick(lack.path, asked.tension_min) or f"{cannot}; inertia passes the limit, so allow more time."
+        lack = lacking(plan.path(legs), whole, moving=moving)
+        best = min(best, (plan, lack), key=lambda tried: tried[1].worst)
+    return best
 
 
 def _in_time(path: ShapePath, rate_max: float | None) -> ShapePath:

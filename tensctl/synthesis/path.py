@@ -7,7 +7,7 @@ carry the rods' inertia (`synthesis.inertia`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -225,14 +225,6 @@ class ShapePath:
 
     def _spline(self, values: np.ndarray):
         return _splines(values, [leg.steps for leg in self.legs])
-
-    def slowed(self, factor: float) -> ShapePath:
-        """The same shapes, every leg taking so many times longer."""
-        legs, start = [], self.start
-        for leg in self.legs:
-            legs.append(replace(leg, start=start, duration=factor * leg.duration))
-            start += legs[-1].duration
-        return replace(self, legs=tuple(legs))
 
     def verify(self, tension_min: float = 0.0) -> None:
         """Check that every planned equilibrium balances, holds and keeps its tensions, stall limits among them.

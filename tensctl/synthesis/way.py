@@ -54,6 +54,8 @@ class Lack:
     sizes : tuple of float
         What a lack of each kind is small or large against.
     path : ShapePath
+    moving : bool
+        Whether inertia counts.
     """
 
     limits: ShapeLimits
@@ -61,6 +63,7 @@ class Lack:
     ways: tuple[ShapeLimits, ...]
     sizes: tuple[float, ...]
     path: ShapePath
+    moving: bool
 
     def __bool__(self) -> bool:
         """Whether any way lacks anything."""
@@ -72,14 +75,18 @@ class Lack:
         return max(self._worst_of(way) for way in self.ways)
 
     def asked_more(self, limits: tuple[ShapeLimits, ...]) -> tuple[ShapeLimits, ...]:
-        """Limits of all shapes, tighter by what they and the ways beside lack; the first is as it is."""
+        """Limits of all shapes, tighter by what they and the ways beside lack; the first is as it is.
+
+        So is the last, the shape that is wanted, while the path counts as slow; where it moves and a limit acts in the
+        end, only room there leaves any for inertia just before.
+        """
         own = [self._counted(shape) for shape in self.shapes]
         between = [
             [np.maximum(lack - np.maximum(a, b), 0.0) for lack, a, b in zip(self._counted(way), *ends, strict=True)]
             for way, ends in zip(self.ways, pairwise(own), strict=True)
         ]
         tight = list(limits)
-        for k in range(1, len(limits)):
+        for k in range(1, len(limits) if self.moving else len(limits) - 1):
             beside = [np.max(lacks, axis=0) for lacks in zip(*between[k - 1 : k + 1], strict=True)]
             more = [
                 lack + _MORE * extra + _MARGIN * size * (lack + extra > 0)
@@ -130,30 +137,47 @@ class Lack:
 
 
 @one_blas_thread()
-def lacking(path: ShapePath, limits: ShapeLimits) -> Lack:
-    """What every way of a path lacks of some limits; a floor that the start has not counts from the next shape on."""
+def lacking(path: ShapePath, limits: ShapeLimits, *, moving: bool) -> Lack:
+    """What every way of a path lacks of some limits; a floor that the start has not counts from the next shape on.
+
+    Parameters
+    ----------
+    path : ShapePath
+    limits : ShapeLimits
+    moving : bool
+        Whether the path is as fast as planned, or counts as infinitely slow, without inertia.
+    """
     first = path.equilibria[0]
     strongest, longest = max(path.tensions.max(initial=0.0), 1e-300), float(first.structure.rod_lengths.mean())
     sizes = (strongest, strongest, longest, longest, longest)
     begins = ShapeLimits(np.where(first.tensions < limits.tension_min, -np.inf, limits.tension_min), *limits.parts[1:])
-    ways = tuple(_on_the_way(path, k, limits if k else begins, sizes) for k in range(len(path.equilibria) - 1))
-    times, met = path.time, limits.clearance[None]  # planned shapes have their rods apart
-    shapes = zip(path.tensions_at(times), path.inputs_at(times), strict=True)
-    return Lack(limits, tuple(_passed(limits, T[None], u[None], met) for T, u in shapes), ways, sizes, path)
+    held = [limits if k else begins for k in range(len(path.equilibria) - 1)]
+    ways = tuple(_on_the_way(path, k, asked, sizes, moving=moving) for k, asked in enumerate(held))
+    met = limits.clearance[None]  # planned shapes have their rods apart
+    shapes = zip(*_loads(path, path.time, moving=moving), strict=True)
+    return Lack(limits, tuple(_passed(limits, T[None], u[None], met) for T, u in shapes), ways, sizes, path, moving)
 
 
-def _on_the_way(path: ShapePath, k: int, limits: ShapeLimits, sizes: tuple[float, ...]) -> ShapeLimits:
+def _loads(path: ShapePath, times: np.ndarray, *, moving: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Tensions and inputs."""
+    if moving:
+        return path.tensions_at(times), path.inputs_at(times)
+    return path.balanced_tensions_at(times), path.balanced_inputs_at(times)
+
+
+def _on_the_way(path: ShapePath, k: int, limits: ShapeLimits, sizes: tuple[float, ...], *, moving: bool) -> ShapeLimits:
     """What is lacking from planned shape k to the next."""
     places = path.time_of(np.linspace(k, k + 1, _PLACES))
     times = np.concatenate([places, np.linspace(path.time[k], path.time[k + 1], _TIMES)])
     clear = _distances(path, [path.nodes_at(t) for t in places], limits)
-    lack = _passed(limits, path.tensions_at(times), path.inputs_at(times), clear)
+    lack = _passed(limits, *_loads(path, times, moving=moving), clear)
     if all((part <= -_NEAR * size).all() for part, size in zip(lack.parts, sizes, strict=True)):
         return lack
     middle = places[_PLACES // 2 : _PLACES // 2 + 1]
+    tensions, inputs = _loads(path, middle, moving=moving)
     at_rest = settle(path.target.potential, start=path.nodes_at(middle[0]), inputs=path.balanced_inputs_at(middle[0]))
-    tensions = at_rest.tensions + path.tensions_at(middle) - path.balanced_tensions_at(middle)
-    slow = _passed(limits, tensions, path.inputs_at(middle), _distances(path, [at_rest.nodes], limits))
+    tensions = at_rest.tensions + tensions - path.balanced_tensions_at(middle)
+    slow = _passed(limits, tensions, inputs, _distances(path, [at_rest.nodes], limits))
     return ShapeLimits(*map(np.maximum, lack.parts, slow.parts))
 
 
