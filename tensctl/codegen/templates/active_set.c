@@ -20,9 +20,7 @@ static void solve_R(double *x)
 {
     for (int c = self.active - 1; c >= 0; c--) {
         x[c] /= column(c)[c];
-        for (int i = 0; i < c; i++) {
-            x[i] -= column(c)[i] * x[c];
-        }
+        add_scaled(c, -x[c], column(c), x);
     }
 }
 
@@ -33,25 +31,16 @@ static void split_image(void)
     memcpy(self.outside, self.image, sizeof self.outside);
     for (int pass = 0; pass < 2; pass++) {
         for (int k = 0; k < self.active; k++) {
-            double sum = 0.0;
-            for (int i = 0; i < self.size; i++) {
-                sum += self.Q[k][i] * self.outside[i];
-            }
-            for (int i = 0; i < self.size; i++) {
-                self.outside[i] -= sum * self.Q[k][i];
-            }
-            self.inside[k] += sum;
+            double part = dot(self.size, self.Q[k], self.outside);
+            add_scaled(self.size, -part, self.Q[k], self.outside);
+            self.inside[k] += part;
         }
     }
 }
 
 static double square_of(const double *x)
 {
-    double sum = 0.0;
-    for (int i = 0; i < self.size; i++) {
-        sum += x[i] * x[i];
-    }
-    return sum;
+    return dot(self.size, x, x);
 }
 
 /* Image of a row times its side. */
@@ -77,23 +66,30 @@ static void append(int row, int side, double force)
     self.active++;
 }
 
-/* Let an active row go: rotations make R a triangle again. */
+/* a, b = c a + s b, c b - s a. */
+static void rotate(int n, double c, double s, double *restrict a, double *restrict b)
+{
+    for (int i = 0; i < n; i++) {
+        double first = a[i], second = b[i];
+        a[i] = c * first + s * second;
+        b[i] = c * second - s * first;
+    }
+}
+
+/* Let an active row go: rotations make R a triangle again. The image that is split goes along: what it has of the last
+ * direction is outside now. */
 static void drop(int gone)
 {
     for (int k = gone; k + 1 < self.active; k++) {
         double a = column(k + 1)[k], b = column(k + 1)[k + 1], length = hypot(a, b);
         double c = a / length, s = b / length;
         for (int j = k + 1; j < self.active; j++) {
-            double *entry = column(j) + k, upper = entry[0], lower = entry[1];
-            entry[0] = c * upper + s * lower;
-            entry[1] = c * lower - s * upper;
+            rotate(1, c, s, column(j) + k, column(j) + k + 1);
         }
-        for (int i = 0; i < self.size; i++) {
-            double first = self.Q[k][i], second = self.Q[k + 1][i];
-            self.Q[k][i] = c * first + s * second;
-            self.Q[k + 1][i] = c * second - s * first;
-        }
+        rotate(self.size, c, s, self.Q[k], self.Q[k + 1]);
+        rotate(1, c, s, self.inside + k, self.inside + k + 1);
     }
+    add_scaled(self.size, self.inside[self.active - 1], self.Q[self.active - 1], self.outside);
     for (int k = gone; k + 1 < self.active; k++) {
         memcpy(column(k), column(k + 1), (k + 1) * sizeof self.R[0]);
         self.row[k] = self.row[k + 1];
@@ -109,13 +105,8 @@ static void settle(void)
     memset(self.outside, 0, sizeof self.outside);
     for (int k = 0; k < self.active; k++) {
         double sum = self.side[k] * (bound_of(k) - row_at(self.row[k], self.free_optimum));
-        for (int i = 0; i < k; i++) {
-            sum -= column(k)[i] * self.force[i];
-        }
-        self.force[k] = sum / column(k)[k];
-        for (int i = 0; i < self.size; i++) {
-            self.outside[i] += self.Q[k][i] * self.force[k];
-        }
+        self.force[k] = (sum - dot(k, column(k), self.force)) / column(k)[k];
+        add_scaled(self.size, self.force[k], self.Q[k], self.outside);
     }
     solve_R(self.force);
     from_image(self.outside, self.free_optimum, self.z);
@@ -163,12 +154,12 @@ static int bring_in(int row, int side)
     double force = 0.0;
     double missed = side > 0 ? self.lower[row] - self.value[row] : self.value[row] - self.upper[row];
     see_row(row, side);
+    split_image();
     for (;;) {
         if (self.iterations >= MAX_ITERATIONS) {
             return OUT_OF_ITERATIONS;
         }
         self.iterations++;
-        split_image();
         double slope = square_of(self.outside), shorter, whole;
         int stuck = slope <= dependent * dependent * square_of(self.image) || self.active == CAPACITY;
         memcpy(self.share, self.inside, self.active * sizeof self.share[0]);

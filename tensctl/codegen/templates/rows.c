@@ -1,5 +1,13 @@
 /* Rows of the problem without a matrix: bounds, block Toeplitz tension rows, differences. */
 
+/* y += scale x. */
+static void add_scaled(int n, double scale, const double *restrict x, double *restrict y)
+{
+    for (int i = 0; i < n; i++) {
+        y[i] += scale * x[i];
+    }
+}
+
 static double largest_of(int n, const double *x)
 {
     double largest = 0.0;
@@ -16,9 +24,7 @@ static double tension_of(int k, const double *z)
     double sum = 0.0;
     for (int j = 0; j <= stage; j++) {
         const double *block = self.problem->tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
-        for (int c = 0; c < INPUTS; c++) {
-            sum += block[c] * z[j * INPUTS + c];
-        }
+        sum += dot(INPUTS, block, z + j * INPUTS);
     }
     return sum;
 }
@@ -55,9 +61,7 @@ static int add_row(int row, double scale, double *x)
     int stage = row / TENSIONS, i = row % TENSIONS;
     for (int j = 0; j <= stage; j++) {
         const double *block = self.problem->tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
-        for (int c = 0; c < INPUTS; c++) {
-            x[j * INPUTS + c] += scale * block[c];
-        }
+        add_scaled(INPUTS, scale, block, x + j * INPUTS);
     }
     if (self.relaxed) {
         x[self.variables + stage] += scale;
@@ -76,11 +80,7 @@ static void to_image(int first, const double *x, double *y)
 {
     for (int i = 0; i < self.variables; i++) {
         const double *w = self.problem->W + (size_t)i * (i + 1) / 2;
-        double sum = 0.0;
-        for (int j = first; j <= i; j++) {
-            sum += w[j] * x[j];
-        }
-        y[i] = sum;
+        y[i] = dot(i + 1 - first, w + first, x + first);
     }
     for (int i = self.variables; i < self.size; i++) {
         y[i] = x[i] / sqrt(self.problem->curvature);
@@ -93,9 +93,7 @@ static void from_image(const double *y, const double *z0, double *z)
     memcpy(z, z0, self.unknowns * sizeof z[0]);
     for (int i = 0; i < self.variables; i++) {
         const double *w = self.problem->W + (size_t)i * (i + 1) / 2;
-        for (int j = 0; j <= i; j++) {
-            z[j] += w[j] * y[i];
-        }
+        add_scaled(i + 1, y[i], w, z);
     }
     for (int i = self.variables; i < self.size; i++) {
         z[i] += y[i] / sqrt(self.problem->curvature);
@@ -108,11 +106,8 @@ static void curved(const double *z, double *y)
     memset(y, 0, self.unknowns * sizeof y[0]);
     for (int i = 0; i < self.variables; i++) {
         const double *h = self.problem->H + (size_t)i * (i + 1) / 2;
-        for (int j = 0; j < i; j++) {
-            y[i] += h[j] * z[j];
-            y[j] += h[j] * z[i];
-        }
-        y[i] += h[i] * z[i];
+        add_scaled(i, z[i], h, y);
+        y[i] = dot(i + 1, h, z);
     }
     for (int i = self.variables; i < self.size; i++) {
         y[i] = self.problem->curvature * z[i];
