@@ -152,5 +152,5 @@ def test_what_is_not_asked_in_passing():
     size = 641
     s = Sensitivity(-np.eye(size), np.ones((size, 1)), -np.ones((1, size)), None)
     assert s.costly
-    assert "641 states" in s.costly
+    assert "beyond 640 states: a loop of 641" in s.costly
     assert Sensitivity(-np.eye(2), np.eye(2), -np.eye(2), None).costly is None

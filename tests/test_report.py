@@ -767,5 +767,5 @@ def test_margins_are_shown_with_both_ends_or_with_the_reason():
     large = Sensitivity(-np.eye(641), np.ones((641, 1)), -np.ones((1, 641)), None)
     design = FakeLqr(np.array([-1.0 + 0j]), 1e-16, sensitivity=large)
     page = render(replace(full_case(), lqr=design))
-    assert "left out: a loop of 641 states" in page
+    assert "left out beyond 640 states: a loop of 641" in page
     assert page.count("α between") == 1

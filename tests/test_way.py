@@ -157,6 +157,17 @@ class TestDownstream:
             assert harmonic[margin] == pytest.approx(dense[margin], rel=1e-5)
         assert harmonic["weakest_input"][:2] == dense["weakest_input"][:2]
 
+    def test_margins_that_cost_too_much_are_left_out_with_the_reason(self, runs, monkeypatch):
+        from tensctl.pipeline.summary import summarise
+        from tensctl.synthesis import harmonic_margins
+
+        monkeypatch.setattr(harmonic_margins, "STATES", 50)
+        monkeypatch.setattr(harmonic_margins, "_POLES", 100)
+        found = summarise(runs["harmonics"][0], {})["lqr"]
+        assert "harmonics of up to" in found["disk_margin_left_out"]
+        assert "beyond 100 poles" in found["disk_margin_of_one_input_left_out"]
+        assert not {"disk_margin", "disk_margin_of_one_input", "weakest_input"} & found.keys()
+
     def test_report_says_which(self, runs):
         assert "harmonic by harmonic, since 4 sectors are equal to" in runs["harmonics"][2]
         assert "dense, since the scene asks for it" in runs["dense"][2]

@@ -43,13 +43,16 @@ class HarmonicSensitivity:
         sizes = np.array([len(one.A) for one in self._real])
         if np.cbrt((sizes.astype(float) ** 3).sum()) <= STATES:
             return None
-        return f"left out: {sizes.size} harmonics of up to {sizes.max()} states take tens of seconds or minutes"
+        blocks = f"{sizes.size} harmonics of up to {sizes.max()} states"
+        return f"left out of large loops: {blocks} take tens of seconds or minutes"
 
     @property
     def costly_alone(self) -> str | None:
         """Why `weakest_input` is better not asked for in passing; None where it takes seconds."""
         n = sum(block.copies * len(one.A) for block, one in zip(self.linear.blocks, self.blocks, strict=True))
-        return None if n <= _POLES else f"left out: a loop of {n} poles takes tens of seconds or minutes"
+        return (
+            None if n <= _POLES else f"left out beyond {_POLES} poles: a loop of {n} takes tens of seconds or minutes"
+        )
 
     @cached_property
     @one_blas_thread()

@@ -75,7 +75,7 @@ class Sensitivity:
         n = len(self.A)
         if n <= STATES:
             return None
-        return f"left out: a loop of {n} states takes tens of seconds or minutes, one of up to {STATES} seconds"
+        return f"left out beyond {STATES} states: a loop of {n} takes tens of seconds or minutes"
 
     @property
     def costly_alone(self) -> str | None:
