@@ -13,9 +13,10 @@ from tensctl.simulation.integrators.block_lu import factor_blocks, plan, solve_b
 from tensctl.simulation.integrators.blocks import add_damping, assemble
 from tensctl.simulation.integrators.chart import accelerate, place_ends
 from tensctl.simulation.integrators.frozen import frozen_forces
+from tensctl.simulation.integrators.kept import Kept
 from tensctl.simulation.integrators.rodas import RODAS5P
 from tensctl.simulation.integrators.rosenbrock_step import linearise, stages
-from tensctl.simulation.integrators.stiff_layout import plan_steps, room_for
+from tensctl.simulation.integrators.stiff_layout import Task, plan_steps, room_for
 
 SCENES = {
     "undamped": {},
@@ -108,6 +109,10 @@ def dense(steps, blocks):
     return matrix
 
 
+def task(dynamics, steps, drive, room):
+    return Kept(Task(dynamics.kernel, steps, Kept(drive), RODAS5P, room))
+
+
 def linearised(dynamics, drive=None):
     """Plan and room after the Jacobian was taken in a state of motion."""
     nodes, velocities = random_motion(dynamics.potential, np.random.default_rng(3), reach=0.15, speed=0.5)
@@ -116,7 +121,7 @@ def linearised(dynamics, drive=None):
     drive = Drive.constant(dynamics.members.rest_lengths, dynamics.members.forces) if drive is None else drive
     room.rest[:], room.load[:] = drive.rest, drive.force.ravel()
     q, v = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities)
-    linearise(dynamics.kernel, steps, drive, 0.0, q, v, 0.0, room)
+    linearise(task(dynamics, steps, drive, room), 0.0, q, v, 0.0)
     return steps, room, drive, (nodes, velocities)
 
 
@@ -259,7 +264,7 @@ class TestLinearAlgebra:
         steps, room, drive, _ = linearised(dynamics, changing(dynamics))
         h, T, n = 0.01, RODAS5P, steps.mass.size
         K, C = matrices(dynamics, steps, room)
-        assert stages(dynamics.kernel, steps, drive, 0.0, h, T, room)[0]
+        assert stages(task(dynamics, steps, drive, room), 0.0, h)[0]
         U = room.U.copy()
         J = np.block([[np.zeros((n, n)), np.eye(n)], [-K / steps.mass[:, None], -C / steps.mass[:, None]]])
         full = np.eye(2 * n) / (h * T.gamma) - J

@@ -9,21 +9,22 @@ Errors of a step are of order h^6 in smooth motion. A tendon that comes and goes
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from tensctl.errors import SimulationError
-from tensctl.jit import jit, part
+from tensctl.jit import bare
 from tensctl.model import Dynamics
 from tensctl.model.kernel import tidy
 from tensctl.simulation.drive import Drive, drive_at
 from tensctl.simulation.integrators.chart import leave_chart, place_ends
 from tensctl.simulation.integrators.frozen import sides, worst_side
+from tensctl.simulation.integrators.kept import Kept
 from tensctl.simulation.integrators.rodas import RODAS5P
 from tensctl.simulation.integrators.rosenbrock_step import linearise, stages, within
-from tensctl.simulation.integrators.stiff_layout import Plan, Room, plan_steps, room_for
+from tensctl.simulation.integrators.stiff_layout import Plan, Room, Task, plan_steps, room_for, unpacked
 
 # Switches are not told apart that come sooner than this after a step's start, over the time that it is: some hundred
 # times its rounding. A step that errors push below a tenth of it ends the run. Near zero, time has digits to spare: it
@@ -48,9 +49,10 @@ _ORDER, _TRIALS = 5, 64
 _FIRST = 0.01
 
 
-@part
-def trespass(data, plan, drive, t, y, span, room):
+@bare
+def trespass(task, t, y, span):
     """How far the worst tendon is on the wrong side at chart coordinates y within a step of length span, m."""
+    data, plan, drive, _, room = unpacked(task)
     place_ends(data, room.frame, y, room.place, room.speed)
     if drive.ramped or drive.swept:
         drive_at(drive, t, room.rest, room.load)
@@ -58,9 +60,10 @@ def trespass(data, plan, drive, t, y, span, room):
     return worst_side(room.side, room.on)
 
 
-@jit
-def first_switch(data, plan, drive, t, h, H, band, span, room):
+@bare
+def first_switch(task, t, h, band, span):
     """Part of the step at which a tendon is between zero and `band` on the wrong side; 1 when none is beyond it."""
+    _, _, _, table, room = unpacked(task)
     aim, y = _AIM * band, room.right
     low, f_low, high, f_high, side = 0.0, -band, 2.0, band, 0
     for k in range(1, _TRIALS):
@@ -69,8 +72,8 @@ def first_switch(data, plan, drive, t, h, H, band, span, room):
             x = k / _LOOKS
         else:
             x = low + (high - low) * f_low / (f_low - f_high) if f_low < 0.0 else 0.5 * (low + high)
-        within(H, x, room.y, room.end, room.U, y)
-        f = trespass(data, plan, drive, t + x * h, y, span, room) - aim
+        within(table.H, x, room.y, room.end, room.U, y)
+        f = trespass(task, t + x * h, y, span) - aim
         if looking:
             if f > band - aim:
                 high, f_high = x, f
@@ -91,10 +94,11 @@ def first_switch(data, plan, drive, t, h, H, band, span, room):
     return high
 
 
-@jit
-def attempt(data, plan, drive, t, h, table, q_scale, v_scale, band, room):
+@bare
+def attempt(task, t, h, q_scale, v_scale, band):
     """Take a step of length h; its error over the allowed one, and the part of it up to the first switch."""
-    fine, crossed = stages(data, plan, drive, t, h, table, room)
+    _, _, _, table, room = unpacked(task)
+    fine, crossed = stages(task, t, h)
     if not fine:
         return np.inf, 1.0
     error, half, u = 0.0, room.start.size, room.U[table.d.size - 1]
@@ -103,26 +107,28 @@ def attempt(data, plan, drive, t, h, table, q_scale, v_scale, band, room):
         if not (abs(room.end[k]) < np.inf and abs(room.end[half + k]) < np.inf):
             return np.inf, 1.0
     if error <= 1.0:
-        late = trespass(data, plan, drive, t + h, room.end, 0.0, room) > band
+        late = trespass(task, t + h, room.end, 0.0) > band
         if late or crossed:
-            return error, first_switch(data, plan, drive, t, h, table.H, band, 0.0 if late else h, room)
+            return error, first_switch(task, t, h, band, 0.0 if late else h)
     return error, 1.0
 
 
-@jit
-def record(data, frame, y, place, speed, q, v):
+@bare
+def record(task, y, q, v):
     """Fill q, v with the state at chart coordinates, rods at their lengths to the last digit."""
-    place_ends(data, frame, y, place, speed)
-    leave_chart(data, y, place, speed, q, v)
+    data, _, _, _, room = unpacked(task)
+    place_ends(data, room.frame, y, room.place, room.speed)
+    leave_chart(data, y, room.place, room.speed, q, v)
     tidy(data, q, v)
 
 
-@jit
-def march(data, plan, drive, table, room, q, v, times, first, q_scale, v_scale, band, out_q, out_v):
+@bare
+def march(task, q, v, times, first, q_scale, v_scale, band, out_q, out_v):
     """Move q and v through times; returns the time reached, the next step, steps, changes, sum of errors.
 
     Parameters
     ----------
+    task : Kept of Task
     first : float, s
         Step to try first.
     q_scale, v_scale : float, m, m/s
@@ -130,13 +136,14 @@ def march(data, plan, drive, table, room, q, v, times, first, q_scale, v_scale, 
     band : float, m
         How far past its switch a tendon may be when a step ends there.
     """
+    _, _, _, table, room = unpacked(task)
     t, t_end, h, row, tries, changes, total = times[0], times[-1], first, 1, 0, 0, 0.0
     before, refused, cut, moved, anew = 1.0, False, False, True, True
     usual, least = first, _AT_LEAST * (t_end - t)
     while t < t_end:
         soonest = _SOONEST * max(abs(t), least)
         if moved:
-            changed = linearise(data, plan, drive, t, q, v, 0.0 if anew else _MARGIN * band, room)
+            changed = linearise(task, t, q, v, 0.0 if anew else _MARGIN * band)
             changes += 0 if anew else changed
             anew, moved = False, False
         last = t + 1.000001 * h >= t_end - soonest
@@ -144,7 +151,7 @@ def march(data, plan, drive, table, room, q, v, times, first, q_scale, v_scale, 
             h = t_end - t
         if not last and h < 0.1 * soonest:
             break
-        error, x = attempt(data, plan, drive, t, h, table, q_scale, v_scale, band, room)
+        error, x = attempt(task, t, h, q_scale, v_scale, band)
         tries += 1
         if not error <= 1.0:
             if h < 0.1 * soonest:
@@ -162,9 +169,9 @@ def march(data, plan, drive, table, room, q, v, times, first, q_scale, v_scale, 
             for r in range(q.shape[0]):
                 for i in range(6):
                     out_q[row, r, i], out_v[row, r, i] = q[r, i], v[r, i]
-            record(data, room.frame, room.right, room.place, room.speed, out_q[row], out_v[row])
+            record(task, room.right, out_q[row], out_v[row])
             row += 1
-        record(data, room.frame, room.end, room.place, room.speed, q, v)
+        record(task, room.end, q, v)
         total += error * q_scale
         t, moved, error = reached, True, max(error, _LEAST)
         if cut:
@@ -201,6 +208,7 @@ class Rosenbrock:
     switches: int = 0
     step: float = 0.0
     local_errors: float = 0.0
+    _kept: tuple[Kept, Kept] | None = field(default=None, init=False, repr=False)
 
     @cached_property
     def _pace(self) -> float:
@@ -216,6 +224,13 @@ class Rosenbrock:
         plan = plan_steps(self.dynamics.kernel)
         return plan, room_for(self.dynamics.kernel, plan, RODAS5P.d.size)
 
+    def _task(self, drive: Drive) -> Kept:
+        """What a march works on, made once for all drives of one form."""
+        if self._kept is None or not (self._kept[0].value is drive or self._kept[0].renew(drive)):
+            kept = Kept(drive)
+            self._kept = kept, Kept(Task(self.dynamics.kernel, self._room[0], kept, RODAS5P, self._room[1]))
+        return self._kept[1]
+
     def march(self, q, v, times, drive: Drive, out_q, out_v) -> None:
         """Move q and v in place through the times, and record them at each but the first.
 
@@ -224,12 +239,12 @@ class Rosenbrock:
         SimulationError
             When the step falls to nothing.
         """
-        plan, room = self._room
+        _, room = self._room
         room.rest[:], room.load[:] = drive.rest, drive.force.ravel()
         size = float(self.dynamics.potential.manifold.lengths.max())
         scale = _STRICT * self.tol * size
         t, self.step, tries, changes, total = march(
-            self.dynamics.kernel, plan, drive, RODAS5P, room, q, v, times, self.step or _FIRST / self.rate, scale,
+            self._task(drive), q, v, times, self.step or _FIRST / self.rate, scale,
             scale * self._pace, max(_BAND * scale, _ROUNDING * size), out_q, out_v,
         )  # fmt: skip
         self.evaluations += RODAS5P.d.size * tries

@@ -9,15 +9,16 @@ Springs and dampers stay on or off within a step, so the step has its full order
 
 from __future__ import annotations
 
-from tensctl.jit import jit
+from tensctl.jit import bare
 from tensctl.simulation.drive import drive_at, drive_rate
 from tensctl.simulation.integrators.block_lu import factor_blocks, solve_blocks
 from tensctl.simulation.integrators.blocks import add_damping, assemble, rod_slopes, tendon_slopes
 from tensctl.simulation.integrators.chart import accelerate, centre_chart, place_ends
 from tensctl.simulation.integrators.frozen import force_rates, freeze, frozen_forces, sides
+from tensctl.simulation.integrators.stiff_layout import unpacked
 
 
-@jit
+@bare
 def turn_by_time(data, drive, t, frame, y, place, speed, rest, rest_rate, on, load_rate, force, by_time):
     """Fill the derivative of accelerations by time alone, (5 nr,), at the centre of the chart."""
     drive_rate(drive, t, rest_rate, load_rate)
@@ -25,9 +26,10 @@ def turn_by_time(data, drive, t, frame, y, place, speed, rest, rest_rate, on, lo
     accelerate(data, frame, y, place, speed, force, by_time)
 
 
-@jit
-def linearise(data, plan, drive, t, q, v, margin, room):
+@bare
+def linearise(task, t, q, v, margin):
     """Centre the chart at a state, freeze tendons as they are, take the slopes; how many tendons changed over."""
+    data, plan, drive, _, room = unpacked(task)
     frame, y, place, speed, force, rest, on = (
         room.frame, room.y, room.place, room.speed, room.force, room.rest, room.on
     )  # fmt: skip
@@ -48,13 +50,14 @@ def linearise(data, plan, drive, t, q, v, margin, room):
     return changed
 
 
-@jit
-def stages(data, plan, drive, t, h, table, room):
+@bare
+def stages(task, t, h):
     """All stages of a step from the chart's centre; leaves the new state in `end`, the error in the last row of U.
 
     Returns whether the matrix could be factored and all stages are in the chart, and whether a tendon should have
     changed over at one of them.
     """
+    data, plan, drive, table, room = unpacked(task)
     s, size, half, last = 1.0 / (h * table.gamma), room.y.size, room.start.size, table.d.size - 1
     y, end, right, U, A, lu = room.y, room.end, room.right, room.U, room.A, plan.elimination
     assemble(data, plan, room.frame, s, room.on, room.pull, room.turn, room.press, room.own, A)
@@ -102,7 +105,7 @@ def stages(data, plan, drive, t, h, table, room):
     return True, crossed
 
 
-@jit
+@bare
 def within(H, x, y, end, U, out):
     """Fill `out` with the dense output a part x into the step from y to `end`."""
     for k in range(y.size):

@@ -6,8 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensctl.jit import part
+from tensctl.model.kernel import KernelData
 from tensctl.simulation.integrators.block_lu import Elimination, plan
 from tensctl.simulation.integrators.chart import chart_drag, chart_mass
+from tensctl.simulation.integrators.kept import Kept, opened
+from tensctl.simulation.integrators.rodas import Table
 
 _FREE, _TAIL, _HEAD, _FIXED = 0, 1, 2, 3
 
@@ -114,3 +118,29 @@ def room_for(data, plan: Plan, stages: int) -> Room:
     shapes |= dict.fromkeys(("y", "end", "right"), (10 * nr,)) | dict.fromkeys(("start", "by_time"), (5 * nr,))
     zeros = {name: np.zeros(shape) for name, shape in shapes.items()}
     return Room(place=data.anchor.ravel().copy(), on=np.zeros(nt, np.bool_), **zeros)
+
+
+class Task(NamedTuple):
+    """All that a march works on, handed from kernel to kernel as a `Kept`.
+
+    Attributes
+    ----------
+    data : KernelData
+    plan : Plan
+    drive : Kept of Drive
+    table : Table
+    room : Room
+    """
+
+    data: KernelData
+    plan: Plan
+    drive: Kept
+    table: Table
+    room: Room
+
+
+@part
+def unpacked(task):
+    """Its parts, the drive opened as well."""
+    data, plan, drive, table, room = opened(task)
+    return data, plan, opened(drive), table, room
