@@ -1,11 +1,11 @@
-"""A scene's LQR by harmonics and dense: the design alone, and all that `tensctl run` does with it.
+"""A scene's LQR and LQG by harmonics and dense: the LQR alone, and all that `tensctl run` does with either.
 
 python benchmarks/scene_way.py           # prints the table
 python benchmarks/scene_way.py --docs    # and writes it into docs/riccati.md
 
-Free shells with [lqr] and [report]. The design begins with the equilibrium and ends with gain and sample time; the run
-begins with the scene and ends with the report. Processor time with one BLAS thread and kernels at hand, both ways taken
-in turn in one process, the better of two. Dense ones stop at (8,4).
+Free shells with [lqr], or [lqg] with every length measured, and [report]. The design begins with the scene and ends
+with gain and sample time; the run ends with the report. Processor time with one BLAS thread and kernels at hand, both
+ways taken in turn in one process, the better of two. Dense LQR stops at (8,4), dense LQG at (5,2).
 """
 
 import argparse
@@ -25,7 +25,9 @@ from tensctl.threads import one_blas_thread
 
 SIZES = ((3, 1), (4, 1), (3, 2), (4, 2), (5, 2), (6, 3), (8, 4), (20, 10))
 HEAD = ["shell", "degrees of freedom", "design by harmonics, s", "dense, s", "times"]
-HEAD += ["`tensctl run` by harmonics, s", "dense, s", "times", "gains differ by"]
+HEAD += ["run with LQR by harmonics, s", "dense, s", "times", "gains differ by"]
+HEAD += ["run with LQG by harmonics, s", "dense, s", "times"]
+LQR_UP_TO, LQG_UP_TO = 320, 100  # degrees of freedom that dense designs are made of
 
 
 def designed(scene: tc.Scene, way: str) -> tuple[tc.LinearModel, Regulator]:
@@ -35,26 +37,39 @@ def designed(scene: tc.Scene, way: str) -> tuple[tc.LinearModel, Regulator]:
     return linear, found
 
 
-def ran(scene: tc.Scene, way: str) -> None:
+def ran(scene: tc.Scene, way: str, section: str = "lqr") -> float:
+    """Processor time of a whole run."""
+    asked: dict = {section: {"way": way}, "report": {}}
+    if section == "lqg":
+        asked["sensors"] = {"lengths": 1e-3}
     with tempfile.TemporaryDirectory() as folder:
-        tc.run(scene.replaced(lqr={"way": way}, report={}), Path(folder) / "out")
+        return timed(lambda: tc.run(scene.replaced(**asked), Path(folder) / "out"))[0]
 
 
 def row(n: int, m: int) -> list[str]:
     scene, taken, found = shell(n, m), {}, {}
-    ways = ("harmonics", "dense") if (n, m) != (20, 10) else ("harmonics",)
-    for way in 2 * ways:
-        seconds, found[way] = timed(lambda way=way: designed(scene, way))
-        both = np.array([seconds, timed(lambda way=way: ran(scene, way))[0]])
-        taken[way] = np.minimum(taken.get(way, np.inf), both)
-    linear, design = found["harmonics"]
-    cells = [f"({n},{m})", str(linear.equilibrium.potential.manifold.size)]
-    for own, dense in zip(taken["harmonics"], taken.get("dense", (None, None)), strict=True):
-        cells += [f"{own:.2g}", *(("", "") if dense is None else (f"{dense:.2g}", f"{dense / own:.2g}"))]
+    freedoms = tc.find_equilibrium(scene).potential.manifold.size
+    for way in 2 * ("harmonics", "dense"):
+        allowed = freedoms if way == "harmonics" else 0
+        seconds = np.full(3, np.inf)
+        if freedoms <= max(allowed, LQR_UP_TO):
+            seconds[0], found[way] = timed(lambda way=way: designed(scene, way))
+            seconds[1] = ran(scene, way)
+        if freedoms <= max(allowed, LQG_UP_TO):
+            seconds[2] = ran(scene, way, "lqg")
+        taken[way] = np.minimum(taken.get(way, np.inf), seconds)
+    pairs = [beside(*pair) for pair in zip(taken["harmonics"], taken["dense"], strict=True)]
+    gap = ""
     if "dense" in found:
-        wanted = found["dense"][1].K
-        cells.append(f"{np.abs(design.dense(linear)[0] - wanted).max() / np.abs(wanted).max():.0e}")
-    return cells + [""] * (len(HEAD) - len(cells))
+        (linear, design), (_, wanted) = found["harmonics"], found["dense"]
+        gap = f"{np.abs(design.dense(linear)[0] - wanted.K).max() / np.abs(wanted.K).max():.0e}"
+    return [f"({n},{m})", str(freedoms), *pairs[0], *pairs[1], gap, *pairs[2]]
+
+
+def beside(own: float, dense: float) -> list[str]:
+    """Both times and their ratio; without a dense one its cells are empty."""
+    known = np.isfinite(dense)
+    return [f"{own:.2g}", f"{dense:.2g}" if known else "", f"{dense / own:.2g}" if known else ""]
 
 
 @one_blas_thread()

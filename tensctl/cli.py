@@ -93,7 +93,7 @@ def check(scene: SceneFile, /) -> None:
 
 @app.command
 def explain(scene: SceneFile, /) -> None:
-    """Say which terms the model has or leaves out, and why; which stages are gone through; how the LQR is made."""
+    """Say which terms the model has or leaves out, and why; which stages are gone through; how LQR and LQG are made."""
     asked = _load(scene)
     from tensctl.model import build_dynamics
 
@@ -101,10 +101,11 @@ def explain(scene: SceneFile, /) -> None:
     for words, wanted in (("asked for", True), ("left out at no cost", False)):
         names = [name for name, there in asked.stages.items() if there is wanted]
         print(f"stages {words}: {', '.join(names) or 'none'}")
-    if asked.lqr is not None:
-        from tensctl.pipeline import lqr_way
+    if asked.lqr is not None or asked.lqg is not None:
+        from tensctl.pipeline import ways
 
-        print(f"LQR: {lqr_way(asked)}")
+        for section, said in ways(asked).items():
+            print(f"{section.upper()}: {said}")
 
 
 @app.command

@@ -43,6 +43,24 @@ def test_no_sweep_finds_more(zeta, dt, rng):
     assert found.high < found.low * (1 + 1e-4)
 
 
+@pytest.mark.parametrize("dt", [None, 0.1])
+def test_a_complex_system_is_the_real_one_of_twice_the_size(dt, rng):
+    """M -> [Re M, -Im M; Im M, Re M] has the gains of both sides, w and -w; turned round, the peak is on the other."""
+    A, B, C = oscillators(1e-3, rng)
+    rates = 1j * np.array([1.0, 3.0, -7.0, 12.0, 25.0]) - 0.01
+    A = np.diag(rates if dt is None else np.exp(rates * dt))
+    B, C = B[:5] + 1j * B[5:], C[:, :5] - 1j * C[:, 5:]
+    D = 0.1 * np.eye(2)
+    found, turned = hinf(System(A, B, C, D, dt)), hinf(System(A.conj(), B.conj(), C.conj(), D, dt))
+    pair = [np.block([[M.real, -M.imag], [M.imag, M.real]]) for M in (A, B, C, D + 0j)]
+    wanted = hinf(System(*pair, dt))
+    assert max(found.low, wanted.low) <= min(found.high, wanted.high)
+    assert found.high < found.low * (1 + 1e-4)
+    assert turned.low == pytest.approx(found.low, rel=1e-6)
+    assert turned.omega == pytest.approx(-found.omega, rel=1e-4)
+    assert abs(found.omega) == pytest.approx(wanted.omega, rel=1e-4)
+
+
 def test_a_bad_start_is_left():
     """Crossings of the level, not the start, decide: a peak of width 1e-5 far from it is found."""
     A = np.array([[0.0, 1], [-1, -2e-5]])

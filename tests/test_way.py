@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 from harmonic_support import DAMPED, relative
-from support import shell_scene, solved
+from support import replaced, shell_scene, solved
 
 import tensctl as tc
 from tensctl import cli
 from tensctl.codegen import export_c
 from tensctl.pipeline import design
-from tensctl.pipeline.feedback import design_lqr
-from tensctl.pipeline.way import WORTH_IT, lqr_of
-from tensctl.scene import LqrStage
-from tensctl.synthesis import HarmonicLQR, HarmonicSampledLQR
+from tensctl.pipeline.case import checks
+from tensctl.pipeline.feedback import design_lqg, design_lqr
+from tensctl.pipeline.way import WORTH_IT, lqg_of, lqr_of, way_of_lqg
+from tensctl.scene import LqgStage, LqrStage, SensorsStage
+from tensctl.synthesis import HarmonicLQG, HarmonicLQR, HarmonicSampledLQR
 from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.weights import Cost
 
@@ -51,6 +52,30 @@ class TestSameAnswers:
         linear = shell(4, 1, pins=["P1_*_1"], **DAMPED)
         K, _ = lqr_of(LqrStage(way="harmonics", nodes=0.01), linear)[0].dense(linear)
         assert relative(K, design_lqr(LqrStage(nodes=0.01), linear).K) < 1e-11
+
+    @pytest.mark.parametrize("size", [(3, 1), (4, 2)], ids=str)
+    def test_output_feedback(self, free, size):
+        """Gains, and what is told of the loop: each dense number comes from matrices of full size."""
+        seen = SensorsStage(lengths={"*": 1e-3, "t5_*": 2e-3}, tensions={"t1_*": 0.05})
+        given = {"tensions": 5.0, "force_noise": {"*": 0.1, "P4_*": 0.2}, "dt": 0.01}
+        wanted = design_lqg(LqgStage(**given), seen, free[size])
+        found, way = lqg_of(LqgStage(way="harmonics", **given), seen, free[size])
+        assert isinstance(found, HarmonicLQG)
+        assert way.taken == "harmonics"
+        assert relative(found.regulator.dense(free[size])[0], wanted.regulator.K) < 1e-11
+        assert relative(found.filter.dense(free[size])[0], wanted.filter.gain) < 1e-11
+        assert found.order == wanted.order
+        assert found.slowest == pytest.approx(wanted.slowest, rel=1e-8)
+        assert found.expected_cost == pytest.approx(wanted.expected_cost, rel=1e-10)
+        assert found.shake == pytest.approx(wanted.shake, rel=1e-9)
+        assert found.separation < 1e-8
+        assert found.covariance_residual < 1e-13
+
+    def test_a_wrong_loop_shows_in_its_separation(self, free):
+        design = lqg_of(LqgStage(way="harmonics"), SensorsStage(lengths=1e-3), free[3, 1])[0]
+        first, second = design.estimators
+        wrong = replaced(design, estimators=(first, replaced(second, C=1.01 * second.C)))
+        assert wrong.separation > 1e-4
 
     @pytest.mark.parametrize("dt", [None, 0.01])
     def test_doubt_is_that_of_the_block_diagonal_whole(self, free, dt):
@@ -105,6 +130,28 @@ class TestWhichWay:
         assert way.taken == "dense"
         assert why in way.why
 
+    @pytest.mark.parametrize(
+        ("seen", "given", "why"),
+        [
+            ({"lengths": {"*": 1e-3, "t5_1_1": 2e-3}}, {}, "the noises of sensors are not the same in all sectors"),
+            ({"lengths": {"t5_1_1": 1e-3, "t6_*": 1e-3}}, {}, "outputs lengths leave out images of what they show"),
+            ({"lengths": 1e-3}, {"force_noise": {"*": 0.1, "P4_1_1": 0.2}}, "the noises of forces are not the same"),
+            ({"lengths": 1e-3}, {"order": 20}, "order asks for fewer states, and harmonics keep all"),
+        ],
+    )
+    def test_sensors_and_noise_break_it(self, free, seen, given, why):
+        way, symmetric = way_of_lqg(LqgStage(**given), SensorsStage(**seen), free[5, 2])
+        assert way.taken == "dense"
+        assert symmetric is None
+        assert why in way.why
+
+    def test_sensors_that_break_it_are_refused(self, free):
+        seen = SensorsStage(lengths={"*": 1e-3, "t5_1_1": 2e-3})
+        with pytest.raises(
+            tc.SynthesisError, match=r'lqg.way is "harmonics", but the noises of sensors are not .*; take'
+        ):
+            lqg_of(LqgStage(way="harmonics"), seen, free[5, 2])
+
     def test_one_tendon_breaks_it(self):
         linear = shell(5, 2, tendons={"stiffness": {"*": 100.0, "t5_1_1": 101.0}, "rest_ratio": 0.8})
         found, way = lqr_of(LqrStage(), linear)
@@ -121,6 +168,8 @@ class TestWhichWay:
     def test_no_mode_is_left_out_by_harmonics(self):
         with pytest.raises(tc.SceneError, match=r'lqr.way is "harmonics", which leave no mode out; expected "dense"'):
             shell_scene(3, 1, lqr={"way": "harmonics", "stabilisable_only": True})
+        with pytest.raises(tc.SceneError, match=r'lqg.way is "harmonics", which keep all states; expected "dense"'):
+            shell_scene(3, 1, lqg={"way": "harmonics", "order": 20}, sensors={"lengths": 1e-3})
 
 
 class TestDownstream:
@@ -131,10 +180,10 @@ class TestDownstream:
         push = {"node": "P4_1_1", "force": [2.0, 0.0, 1.0], "from": 0.05, "to": 0.1}
         found = {}
         for way in ("dense", "harmonics"):
-            simulation = {"t_end": 0.3, "controller": "lqr", "push": [push]}
-            scene = shell_scene(4, 2, lqr={"way": way, "dt": 0.01}, simulation=simulation, report={})
+            simulation = {"t_end": 0.2, "controller": "lqr", "push": [push]}
+            asked = {"lqr": {"way": way, "dt": 0.02}, "lqg": {"way": way}, "sensors": {"lengths": 1e-3}}
             folder: Path = tmp_path_factory.mktemp(way) / "out"
-            results = tc.run(scene, folder)
+            results = tc.run(shell_scene(3, 1, **asked, simulation=simulation, report={}), folder)
             page = (folder / "report.html").read_text(encoding="utf-8")
             found[way] = results, json.loads((folder / "summary.json").read_text(encoding="utf-8")), page
         return found
@@ -145,17 +194,36 @@ class TestDownstream:
         assert np.abs(harmonic.nodes - dense.nodes).max() < 1e-11
         assert np.abs(harmonic.inputs - dense.inputs).max() < 1e-11
 
+    def test_closed_loops_from_sensors_are_one(self, runs):
+        either = [runs[way][0] for way in ("dense", "harmonics")]
+        start = tc.build_structure(either[0].scene).nodes
+        dense, harmonic = (tc.simulate(r.dynamics, start, controller=r.lqg, t_end=0.1) for r in either)
+        assert np.abs(harmonic.inputs).max() > 1e-2
+        assert np.abs(harmonic.nodes - dense.nodes).max() < 1e-10
+
     def test_summaries_agree(self, runs):
         dense, harmonic = runs["dense"][1]["lqr"], runs["harmonics"][1]["lqr"]
         assert harmonic.keys() == dense.keys()
         assert (dense["way"], harmonic["way"]) == ("dense", "harmonics")
-        assert harmonic["why"].startswith("4 sectors are equal to ")
+        assert harmonic["why"].startswith("3 sectors are equal to ")
         assert harmonic["slowest_pole"] == pytest.approx(dense["slowest_pole"], rel=1e-10)
         assert harmonic["riccati_residual"] < 1e-13
         assert harmonic["gain_doubt"] < 1e-11
         for margin in ("disk_margin", "disk_margin_of_one_input"):
             assert harmonic[margin] == pytest.approx(dense[margin], rel=1e-5)
-        assert harmonic["weakest_input"][:2] == dense["weakest_input"][:2]
+        own = runs["dense"][0]  # of tendons with one margin either may be named
+        named = own.linear.inputs.index(f"u_{harmonic['weakest_input']}")
+        assert own.lqr.sensitivity.each_input[named].alpha == pytest.approx(dense["disk_margin_of_one_input"], rel=1e-5)
+
+    def test_summaries_of_output_feedback_agree(self, runs):
+        dense, harmonic = runs["dense"][1]["lqg"], runs["harmonics"][1]["lqg"]
+        assert harmonic.keys() == dense.keys()
+        assert (dense["way"], harmonic["way"]) == ("dense", "harmonics")
+        for key in ("slowest_pole", "expected_cost_of_a_period", "node_deviation_from_sensor_noise_m"):
+            assert harmonic[key] == pytest.approx(dense[key], rel=1e-8)
+        for margin in ("disk_margin", "disk_margin_of_one_input"):
+            assert harmonic[margin] == pytest.approx(dense[margin], rel=1e-5)
+        assert all(check.ok for check in checks(runs["harmonics"][0]))
 
     def test_margins_that_cost_too_much_are_left_out_with_the_reason(self, runs, monkeypatch):
         from tensctl.pipeline.summary import summarise
@@ -169,16 +237,19 @@ class TestDownstream:
         assert not {"disk_margin", "disk_margin_of_one_input", "weakest_input"} & found.keys()
 
     def test_report_says_which(self, runs):
-        assert "harmonic by harmonic, since 4 sectors are equal to" in runs["harmonics"][2]
-        assert "dense, since the scene asks for it" in runs["dense"][2]
+        assert runs["harmonics"][2].count("harmonic by harmonic, since 3 sectors are equal to") == 2
+        assert runs["dense"][2].count("dense, since the scene asks for it") == 2
 
     def test_c_source_holds_the_dense_gain(self, tmp_path):
-        designs = [design(shell_scene(3, 1, lqr={"way": way, "dt": 0.01})) for way in ("harmonics", "dense")]
+        ways = ("harmonics", "dense")
+        designs = [design(shell_scene(3, 1, lqg={"way": way}, sensors={"lengths": 1e-3})) for way in ways]
         either = [export_c(one, tmp_path / "law.c").source for one in designs]
         assert either[0] == either[1]
 
     def test_explain(self, tmp_path, capsys):
-        path = tmp_path / "scene.toml"
-        path.write_text(shell_scene(3, 1, lqr={"way": "harmonics"}).to_toml(), encoding="utf-8")
+        path, both = tmp_path / "scene.toml", {"lqr": {"way": "harmonics"}, "lqg": {}, "sensors": {"lengths": 1e-3}}
+        path.write_text(shell_scene(3, 1, **both).to_toml(), encoding="utf-8")
         assert cli.main(["explain", str(path)]) == 0
-        assert "LQR: harmonic by harmonic, since 3 sectors are equal to" in capsys.readouterr().out
+        said = capsys.readouterr().out
+        assert "LQR: harmonic by harmonic, since 3 sectors are equal to" in said
+        assert "LQG: dense, since harmonics are taken from" in said

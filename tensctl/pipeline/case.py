@@ -12,7 +12,7 @@ from tensctl.report import Case, Check, Height, Limits, MpcCheck
 from tensctl.report import Push as ShownPush
 from tensctl.simulation.parted import parting_told
 from tensctl.structure import matches
-from tensctl.synthesis import LQG, MPC, NonlinearMPC, OutputMPC, shell_height, shell_rings
+from tensctl.synthesis import LQG, MPC, HarmonicLQG, NonlinearMPC, OutputMPC, shell_height, shell_rings
 
 # Time after the last planned motion or push before the shape is judged, s.
 _SETTLING = 3.0
@@ -32,6 +32,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         lqr=results.lqr,
         lqr_way="" if results.lqr_way is None else str(results.lqr_way),
         lqg=results.lqg,
+        lqg_way="" if results.lqg_way is None else str(results.lqg_way),
         path=results.path,
         survey=results.survey,
         run=results.run,
@@ -83,12 +84,12 @@ def checks(results: Results) -> tuple[Check, ...]:
     return tuple(found)
 
 
-def _of_lqg(lqg: LQG) -> list[Check]:
+def _of_lqg(lqg: LQG | HarmonicLQG) -> list[Check]:
     found = [
         _below("LQG: regulator's Riccati residual over its terms", lqg.regulator.residual, 1e-9),
         _below("LQG: filter's Riccati residual over its terms", lqg.filter.residual, 1e-9),
         _below("LQG: real part of the loop's slowest pole, 1/s", lqg.slowest, 0.0),
-        _below("LQG: residual of the loop's covariance over its terms", lqg.covariance.residual, 1e-9),
+        _below("LQG: residual of the loop's covariance over its terms", lqg.covariance_residual, 1e-9),
     ]
     if lqg.separation is not None:
         found.append(_below("LQG: loop's poles against regulator's and filter's, relative", lqg.separation, 1e-5))

@@ -79,12 +79,13 @@ def design_lqr(asked: LqrStage, linear: LinearModel) -> LQR | SampledLQR:
 def design_lqg(asked: LqgStage, seen: SensorsStage, linear: LinearModel) -> LQG:
     """Output feedback from the scene's sensors."""
     return lqg(
-        linear, _eyes(seen, linear), cost=cost_of(asked, linear), force_noise=asked.force_noise, dt=asked.dt,
+        linear, eyes(seen, linear), cost=cost_of(asked, linear), force_noise=asked.force_noise, dt=asked.dt,
         order=asked.order, stabilisable_only=asked.stabilisable_only,
     )  # fmt: skip
 
 
-def _eyes(seen: SensorsStage, linear: LinearModel) -> Sensors:
+def eyes(seen: SensorsStage, linear: LinearModel) -> Sensors:
+    """The scene's sensors."""
     return sensors(
         linear.dynamics.structure, lengths=seen.lengths, tensions=seen.tensions, nodes=seen.nodes, seed=seen.seed
     )
@@ -99,7 +100,7 @@ def design_output_mpc(asked: MpcStage, seen: SensorsStage, linear: LinearModel, 
     """Predictive control from the scene's sensors, about where the structure starts: there its filter is right."""
     track = asked.track if asked.track else None
     return OutputMPC(
-        linear, _eyes(seen, linear), track=track, force_noise=asked.force_noise, drift=asked.drift, path=path,
+        linear, eyes(seen, linear), track=track, force_noise=asked.force_noise, drift=asked.drift, path=path,
         **_common(asked, linear),
     )  # fmt: skip
 

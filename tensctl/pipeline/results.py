@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQG, MPC, NonlinearMPC, PathSurvey, ScheduledLQR, ShapePath
+    from tensctl.synthesis import LQG, MPC, HarmonicLQG, NonlinearMPC, PathSurvey, ScheduledLQR, ShapePath
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,8 @@ class Results:
         Whether by harmonics or dense, and why.
     scheduled : ScheduledLQR
         Along the path, where the run is steered by it.
-    lqg : LQG
+    lqg : LQG or HarmonicLQG
+    lqg_way : Way
     mpc : MPC or NonlinearMPC
     run : Run
     sanity : Sanity
@@ -70,7 +71,8 @@ class Results:
     lqr: Regulator | None = None
     lqr_way: Way | None = None
     scheduled: ScheduledLQR | None = None
-    lqg: LQG | None = None
+    lqg: LQG | HarmonicLQG | None = None
+    lqg_way: Way | None = None
     mpc: MPC | NonlinearMPC | None = None
     run: Run | None = None
     sanity: Sanity | None = None

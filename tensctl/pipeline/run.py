@@ -87,8 +87,8 @@ def study(scene: Scene) -> Study:
 def design(scene: Scene) -> LQR | SampledLQR | ScheduledLQR | LQG | MPC:
     """The controller that a scene runs, and nothing else: what `tensctl export SCENE -o FILE.c` writes.
 
-    It is the one that `simulation.controller` names, or the only one that the scene has a section for. An LQR is
-    designed the dense way: C source holds its gain as a matrix. With a target it is scheduled along the path to it.
+    It is the one that `simulation.controller` names, or the only one that the scene has a section for. LQR and LQG
+    are designed the dense way: C source holds their matrices. With a target the LQR is scheduled along the path to it.
 
     Raises
     ------
@@ -104,8 +104,9 @@ def design(scene: Scene) -> LQR | SampledLQR | ScheduledLQR | LQG | MPC:
         )
     name = asked[0] if named == "none" else named
     later: dict[str, Any] = dict.fromkeys(("controllability", "simulation", "accuracy", "report"))
-    if scene.lqr is not None:
-        later["lqr"] = scene.lqr.model_copy(update={"way": "dense"})
+    for section in ("lqr", "lqg"):
+        stage = getattr(scene, section)
+        later[section] = None if stage is None else stage.model_copy(update={"way": "dense"})
     clock = Clock()
     results = _compute(scene.replaced(**later), clock)
     if name == "lqr" and results.path is not None:
@@ -115,22 +116,26 @@ def design(scene: Scene) -> LQR | SampledLQR | ScheduledLQR | LQG | MPC:
     return found
 
 
-def lqr_way(scene: Scene) -> str:
-    """Whether the LQR of a scene is designed harmonic by harmonic or dense, and why; nothing is designed.
+def ways(scene: Scene) -> dict[str, str]:
+    """Whether LQR and LQG of a scene are designed harmonic by harmonic or dense, and why; nothing is designed.
 
     With a target that is decided by the shape that is planned, so it is left open here.
     """
-    assert scene.lqr is not None
-    if scene.target is not None:
-        return "decided when the target is planned"
-    from tensctl.pipeline.way import way_of
+    asked = [name for name in ("lqr", "lqg") if getattr(scene, name) is not None]
+    if not asked or scene.target is not None:
+        return dict.fromkeys(asked, "decided when the target is planned")
+    from tensctl.pipeline.way import way_of_lqg, way_of_lqr
 
-    later = dict.fromkeys(("controllability", "lqg", "sensors", "mpc", "simulation", "accuracy", "report"))
+    later = dict.fromkeys(("controllability", "lqr", "lqg", "sensors", "mpc", "simulation", "accuracy", "report"))
     clock = Clock()
-    results = _compute(scene.replaced(**later, lqr=None), clock)
-    linear = _linearize(_model(results, clock), clock).linear
+    linear = _linearize(_model(_compute(scene.replaced(**later), clock), clock), clock).linear
     assert linear is not None
-    return str(way_of(scene.lqr, linear)[0])
+    found = {}
+    if scene.lqr is not None:
+        found["lqr"] = str(way_of_lqr(scene.lqr, linear)[0])
+    if scene.lqg is not None and scene.sensors is not None:
+        found["lqg"] = str(way_of_lqg(scene.lqg, scene.sensors, linear)[0])
+    return found
 
 
 def measure_solvers(scene: Scene) -> SolverPrecision:
@@ -288,12 +293,13 @@ def _scheduled(results: Results, clock: Clock) -> Results:
 
 
 def _lqg(results: Results, clock: Clock) -> Results:
-    from tensctl.pipeline.feedback import design_lqg
+    from tensctl.pipeline.way import lqg_of
 
     assert results.scene.lqg is not None
     assert results.scene.sensors is not None
     with clock.stage("LQG"):
-        return replace(results, lqg=design_lqg(results.scene.lqg, results.scene.sensors, _at_target(results)))
+        found, way = lqg_of(results.scene.lqg, results.scene.sensors, _at_target(results))
+    return replace(results, lqg=found, lqg_way=way)
 
 
 def _mpc(results: Results, clock: Clock) -> Results:

@@ -13,7 +13,7 @@ from tensctl.pipeline.results import Results
 if TYPE_CHECKING:
     from tensctl.analysis import Study
     from tensctl.simulation import ActuatorDemand, Sanity
-    from tensctl.synthesis import LQG, MPC, NonlinearMPC, PathSurvey
+    from tensctl.synthesis import MPC, NonlinearMPC, PathSurvey
     from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
     from tensctl.synthesis.margins import DiskMargin, Sensitivity
 
@@ -28,7 +28,7 @@ def summarise(results: Results, seconds: dict[str, float]) -> dict:
         "linear": _linear(results),
         "controllability": None if results.study is None else _study(results.study),
         "lqr": _lqr(results),
-        "lqg": None if results.lqg is None else _lqg(results.lqg, results),
+        "lqg": _lqg(results),
         "target": _target(results),
         "mpc": _mpc(results),
         "simulation": _simulation(results),
@@ -103,8 +103,13 @@ def _lqr(results: Results) -> dict | None:
     return facts | ({"left_out": [str(mode) for mode in lqr.left]} if lqr.left else {})
 
 
-def _lqg(lqg: LQG, results: Results) -> dict:
+def _lqg(results: Results) -> dict | None:
+    lqg, way = results.lqg, results.lqg_way
+    if lqg is None or way is None:
+        return None
     facts = {
+        "way": way.taken,
+        "why": way.why,
         "states": lqg.order,
         "measured": len(lqg.sensors.labels),
         "sample_time_s": lqg.dt,

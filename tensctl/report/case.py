@@ -15,7 +15,16 @@ if TYPE_CHECKING:
     from tensctl.simulation import ActuatorDemand, Run, Sanity
     from tensctl.statics import Equilibrium
     from tensctl.structure import Structure
-    from tensctl.synthesis import LQG, LQR, HarmonicLQR, HarmonicSampledLQR, PathSurvey, SampledLQR, ShapePath
+    from tensctl.synthesis import (
+        LQG,
+        LQR,
+        HarmonicLQG,
+        HarmonicLQR,
+        HarmonicSampledLQR,
+        PathSurvey,
+        SampledLQR,
+        ShapePath,
+    )
 
 
 RELAXED_MORE_THAN = 1e-9  # N; below it a relaxation of the tension floor is the solver's rounding, not a decision
@@ -132,8 +141,8 @@ class Case:
         The scene with every default visible.
     equilibrium, linear, controllability, lqr, lqg, path, survey, run, sanity, demand, accuracy, solvers
         Results of the other rooms, read by attribute only: nothing of those rooms is loaded.
-    lqr_way : str
-        How the LQR was designed, and why so.
+    lqr_way, lqg_way : str
+        How each was designed, and why so.
     limits : Limits, optional
         Drawn into the plots of the run.
     shape_error : (times,) array, optional
@@ -162,7 +171,8 @@ class Case:
     controllability: ModalReport | None = None
     lqr: LQR | SampledLQR | HarmonicLQR | HarmonicSampledLQR | None = None
     lqr_way: str = ""
-    lqg: LQG | None = None
+    lqg: LQG | HarmonicLQG | None = None
+    lqg_way: str = ""
     path: ShapePath | None = None
     survey: PathSurvey | None = None
     run: Run | None = None

@@ -13,9 +13,9 @@ from tensctl.report.plots import Plot, Sheet, draw
 
 if TYPE_CHECKING:
     from tensctl.linear import LinearModel
-    from tensctl.synthesis import LQG, LQR, HarmonicLQR, HarmonicSampledLQR, SampledLQR
+    from tensctl.synthesis import LQG, LQR, HarmonicLQG, HarmonicLQR, HarmonicSampledLQR, SampledLQR
 
-    Design = LQR | SampledLQR | HarmonicLQR | HarmonicSampledLQR | LQG
+    Design = LQR | SampledLQR | HarmonicLQR | HarmonicSampledLQR | LQG | HarmonicLQG
 
 SHEET = Sheet(height=310.0, top=32.0, right=40.0, left=24.0)
 DAMPING = (0.05, 0.1, 0.2, 0.4)  # rays drawn where they cross the plot

@@ -72,18 +72,12 @@ class CostStage(Section):
 
 
 class FeedbackStage(CostStage):
-    """State or output feedback by a Riccati equation."""
-
-    stabilisable_only: bool = Field(default=False, strict=True)
-
-
-class LqrStage(FeedbackStage):
-    """`[lqr]`: state feedback, of the sampled loop where a period is given.
+    """State or output feedback by a Riccati equation.
 
     `way` says whether a cyclically symmetric structure is designed harmonic by harmonic; auto: where that is faster.
     """
 
-    dt: Annotated[float | None, Number("s", above=0)] = None
+    stabilisable_only: bool = Field(default=False, strict=True)
     way: Literal["auto", "harmonics", "dense"] = "auto"
 
     @model_validator(mode="after")
@@ -91,6 +85,12 @@ class LqrStage(FeedbackStage):
         if self.way == "harmonics" and self.stabilisable_only:
             raise complaint('is "harmonics", which leave no mode out; expected "dense" with stabilisable_only', "way")
         return self
+
+
+class LqrStage(FeedbackStage):
+    """`[lqr]`: state feedback, of the sampled loop where a period is given."""
+
+    dt: Annotated[float | None, Number("s", above=0)] = None
 
 
 class SensorsStage(Section):
@@ -114,6 +114,12 @@ class LqgStage(FeedbackStage):
     force_noise: Annotated[Size, per_member(Number("N s^1/2", least=0))] = 0.1
     dt: Annotated[float, Number("s", above=0)] = 0.02
     order: Annotated[int | None, Number("states", least=1, whole=True)] = None
+
+    @model_validator(mode="after")
+    def _reduced_densely(self) -> Self:
+        if self.way == "harmonics" and self.order is not None:
+            raise complaint('is "harmonics", which keep all states; expected "dense" with order', "way")
+        return self
 
 
 class FollowRequest(Section):

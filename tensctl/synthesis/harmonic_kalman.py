@@ -150,23 +150,39 @@ def harmonic_kalman(
     LinearizationError
         Sensors that leave out an image.
     """
-    structure = linear.dynamics.structure
-    if sensors.structure is not structure:
-        raise SynthesisError("the sensors belong to another structure; make them for dynamics.structure.")
+    outputs, V, roots = symmetric_noise(linear, sensors, force_noise)
     if dt is not None and not (np.isfinite(dt) and dt > 0):
         raise SynthesisError(f"dt is {dt}; a sample period > 0 s is expected.")
-    kinds: list[tuple[Shown, np.ndarray]] = [("lengths", sensors.lengths), ("tensions", sensors.tensions)]
-    kinds.append(("nodes", sensors.positions))
-    outputs = HarmonicOutputs.of(linear, [(kind, chosen) for kind, chosen in kinds if chosen.size])
-    noise = [of_sector(sensors.noise[orbit.places], "noises of sensors", "tc.lqg") for orbit in outputs.orbits]
-    V, nodes = np.concatenate(noise) ** 2, linear.map.point.sector.symmetry.nodes
-    roots = of_sector(force_roots(structure, force_noise)[nodes], "noises of forces", "tc.lqg")
     try:
-        blocks = by_harmonic(linear, lambda block: _filter(block, outputs.C(block), roots, np.diag(V), dt))
+        blocks = by_harmonic(linear, lambda block: _filter(block, outputs.C(block), roots, V, dt))
     except SynthesisError:
         name_lost(linear, lambda: harmonic_observability(outputs), "seen", "sensors that see it")
         raise
     return HarmonicKalman(linear, sensors, outputs, dt, tuple(blocks))
+
+
+def symmetric_noise(
+    linear: HarmonicModel, sensors: Sensors, force_noise: float | Mapping[str, float]
+) -> tuple[HarmonicOutputs, Float[np.ndarray, "y y"], Float[np.ndarray, " nodes"]]:
+    """What the sensors show, their covariance in every harmonic, and the roots of the sector's force noise.
+
+    Raises
+    ------
+    SynthesisError
+        Noise that breaks the symmetry, sensors of another structure.
+    LinearizationError
+        Sensors that leave out an image.
+    """
+    structure = linear.dynamics.structure
+    if sensors.structure is not structure:
+        raise SynthesisError("the sensors belong to another structure; make them for dynamics.structure.")
+    kinds: list[tuple[Shown, np.ndarray]] = [("lengths", sensors.lengths), ("tensions", sensors.tensions)]
+    kinds.append(("nodes", sensors.positions))
+    outputs = HarmonicOutputs.of(linear, [(kind, chosen) for kind, chosen in kinds if chosen.size])
+    noise = [of_sector(sensors.noise[orbit.places], "noises of sensors", "tc.lqg") for orbit in outputs.orbits]
+    nodes = linear.map.point.sector.symmetry.nodes
+    roots = of_sector(force_roots(structure, force_noise)[nodes], "noises of forces", "tc.lqg")
+    return outputs, np.diag(np.concatenate(noise) ** 2), roots
 
 
 def _filter(block: Harmonic, C: np.ndarray, roots: np.ndarray, V: np.ndarray, dt: float | None) -> Kalman:

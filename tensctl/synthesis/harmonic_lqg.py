@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from tensctl.errors import SynthesisError
-from tensctl.linear import HarmonicModel
+from tensctl.linear import HarmonicModel, harmonic_outputs
 from tensctl.synthesis.estimating import Estimating
 from tensctl.synthesis.estimator import Estimator, Plant, kalman_estimator
 from tensctl.synthesis.feedback import command
@@ -25,9 +25,11 @@ from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR
 from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_weights import Blocks, Costs
-from tensctl.synthesis.loop import Loop, close
+from tensctl.synthesis.loop import Loop, close, separation
 from tensctl.synthesis.lqr_sampled import continuous_poles
+from tensctl.synthesis.lyapunov import Lyapunov
 from tensctl.synthesis.sensors import Reading, Sensors
+from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -89,13 +91,63 @@ class HarmonicLQG(Estimating):
         """The larger of those of regulator and filter: how far the data leave the controller open."""
         return max(self.regulator.gain_doubt, self.filter.gain_doubt)
 
+    @property
+    def regulator_doubt(self) -> float:
+        """Estimated relative change of the regulator's gain, as `LQG.regulator_doubt`."""
+        return self.regulator.gain_doubt
+
+    @property
+    def order(self) -> int:
+        """Real states of the controller."""
+        return sum(block.copies * e.order for block, e in zip(self.linear.blocks, self.estimators, strict=True))
+
+    @property
+    def left(self) -> tuple[LeftOut, ...]:
+        """No mode is left out: one that is not damped, and not driven or not seen, is refused."""
+        return ()
+
+    @property
+    def reduction(self) -> None:
+        """It keeps all states."""
+
+    @property
+    def small_gain(self) -> None:
+        """Nothing was left away that would have to be proven harmless."""
+
+    @cached_property
+    def covariances(self) -> tuple[Lyapunov, ...]:
+        """Covariance of each harmonic of the loop's state under the noise that it was designed for."""
+        return tuple(loop.noise(one.W, one.V) for loop, one in zip(self.loops, self.filter.blocks, strict=True))
+
+    @property
+    def covariance_residual(self) -> float:
+        """What the covariance of the whole leaves of its equation, over the sum of the terms."""
+        copies = np.array([block.copies for block in self.linear.blocks])
+        left, terms = ([getattr(one, name) for one in self.covariances] for name in ("left", "terms"))
+        return float(np.sqrt(copies @ np.square(left)) / np.sqrt(copies @ np.square(terms)).sum())
+
     @cached_property
     def expected_cost(self) -> float:
         """Cost rate (cost of a period when sampled) that noise keeps up: the square of the loop's H2 norm."""
-        total = 0.0
-        for block, loop, one, cost in zip(self.linear.blocks, self.loops, self.filter.blocks, self._costs, strict=True):
-            total += block.copies * loop.cost(loop.noise(one.W, one.V).X, cost)
-        return total
+        parts = zip(self.linear.blocks, self.loops, self.covariances, self._costs, strict=True)
+        return sum(block.copies * loop.cost(own.X, cost) for block, loop, own, cost in parts)
+
+    @cached_property
+    def shake(self) -> float:
+        """Largest standard deviation of a node's coordinate that the sensors' noise alone keeps up, m."""
+        nodes, factors = harmonic_outputs(self.linear, ["nodes"]), []
+        for block, loop, one in zip(self.linear.blocks, self.loops, self.filter.blocks, strict=True):
+            X = loop.noise(np.zeros_like(one.W), one.V).X[: block.nx, : block.nx]
+            sizes, axes = np.linalg.eigh(X)
+            factors.append(nodes.C(block) @ (axes * np.sqrt(np.maximum(sizes, 0.0))))
+        return float(np.sqrt(nodes.squares(factors).max(initial=0.0)))
+
+    @cached_property
+    def separation(self) -> float:
+        """Distance of the loop's poles to those of regulator and filter, harmonic by harmonic, over the largest."""
+        parts = zip(self.plants, self.estimators, self.loops, self.regulator.K, strict=True)
+        gaps, sizes = zip(*(separation(*part) for part in parts), strict=True)
+        return max(gaps) / max(sizes)
 
     def enclosure(self) -> tuple[float, float]:
         """Least and largest value of the disk margin at the plant's inputs, of all at once."""

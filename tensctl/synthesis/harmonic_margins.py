@@ -3,13 +3,12 @@
     |S - I/2|_inf = max_k |S_k - I/2|_inf,   S_ii = 1/l sum_k (S_k)_pp   over all l harmonics that input p has
 
 since the transform of inputs is unitary and S_ii is the same for all images of an input: n of them, or l of a motor
-that comes back to itself after l turns. Harmonics k and n - k together are a real system of twice the size,
-M -> [Re M, -Im M; Im M, Re M], whose norm over w >= 0 is that of harmonic k over all w.
+that comes back to itself after l turns. Harmonic n - k has at -w the gains that k has at w.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -40,8 +39,10 @@ class HarmonicSensitivity:
     @property
     def costly(self) -> str | None:
         """Why `all_inputs` is better not asked for in passing; None where it takes seconds."""
-        sizes = np.array([len(one.A) for one in self._real])
-        if np.cbrt((sizes.astype(float) ** 3).sum()) <= STATES:
+        sizes = np.array([len(one.A) for one in self.blocks])
+        copies = np.array([block.copies for block in self.linear.blocks])
+        # Complex arithmetic takes four times as much.
+        if np.cbrt((copies**2 * sizes.astype(float) ** 3).sum()) <= STATES:
             return None
         blocks = f"{sizes.size} harmonics of up to {sizes.max()} states"
         return f"left out of large loops: {blocks} take tens of seconds or minutes"
@@ -58,7 +59,7 @@ class HarmonicSensitivity:
     @one_blas_thread()
     def all_inputs(self) -> DiskMargin:
         """When all inputs change at once, each in its own way."""
-        found = [one.all_inputs for one in self._real]
+        found = [one.all_inputs for one in self.blocks]
         last = min(found, key=lambda margin: margin.largest)
         return DiskMargin(min(margin.alpha for margin in found), last.largest, last.frequency)
 
@@ -72,10 +73,6 @@ class HarmonicSensitivity:
     def enclosure(self) -> tuple[float, float]:
         """Least and largest value that alpha of all inputs at once can have."""
         return self.all_inputs.alpha, self.all_inputs.largest
-
-    @property
-    def _real(self) -> tuple[Sensitivity, ...]:
-        return tuple(map(_real, self.blocks))
 
     @property
     def _expansion(self) -> Expansion:
@@ -93,14 +90,3 @@ class HarmonicSensitivity:
             residues += [own_residues, own_residues.conj()][: block.copies]
             error += block.copies * part.error / min(images.values())
         return Expansion(np.concatenate(poles), np.hstack(residues), 0.5, self.blocks[0].dt, error)
-
-
-def _real(one: Sensitivity) -> Sensitivity:
-    if not any(np.iscomplexobj(M) for M in (one.A, one.B, one.C)):
-        return one
-    return replace(one, A=_both(one.A), B=_both(one.B), C=_both(one.C))
-
-
-def _both(M: np.ndarray) -> np.ndarray:
-    a, b = np.real(M), np.imag(M)
-    return np.block([[a, -b], [b, a]])

@@ -8,6 +8,8 @@ which a gain of G is g; between two of them it is larger, so a peak that falls b
 lower end is a gain that was computed at a frequency, the upper end a level at which eigenvalues keep clear of the
 boundary by more than rounding moves them. Near a peak two of them meet, and rounding moves them by its part over
 sqrt(tol); where that is not clear the level is raised, and the enclosure says how far.
+
+Real or complex. Gains of a real system are the same at w and -w, those of a complex one are looked at on both sides.
 """
 
 from __future__ import annotations
@@ -78,34 +80,51 @@ class System:
         """Largest singular value there."""
         return float(np.linalg.norm(self.at(omega), 2))
 
+    @cached_property
+    def both_sides(self) -> bool:
+        """Whether gains at w and -w differ."""
+        return any(np.iscomplexobj(M) for M in (self.A, self.B, self.C, self.D))
+
     def pole_frequencies(self) -> np.ndarray:
         """Angular frequencies of the poles, sizes and imaginary parts."""
         poles = np.diag(self.schur[0])
         if self.dt is not None:
             poles = np.log(poles[np.abs(poles) > 1e-6]) / self.dt
-            return np.unique(np.minimum(np.concatenate([np.abs(np.imag(poles)), np.abs(poles)]), np.pi / self.dt))
-        return np.unique(np.concatenate([np.abs(np.imag(poles)), np.abs(poles)]))
+        sizes = np.abs(poles) if self.dt is None else np.minimum(np.abs(poles), np.pi / self.dt)
+        if self.both_sides:
+            return np.unique(np.concatenate([np.imag(poles), sizes, -sizes]))
+        return np.unique(np.concatenate([np.abs(np.imag(poles)), sizes]))
+
+    @property
+    def ends(self) -> np.ndarray:
+        """Ends of the frequencies to look at, where a gain above a level need not have crossed it."""
+        last = [] if self.dt is None else [np.pi / self.dt]
+        return np.array([*(-w for w in last), *last] if self.both_sides else [0.0, *last])
 
     def spectrum(self, level: float) -> tuple[np.ndarray, np.ndarray, float]:
         """Distances to the boundary and angular frequencies of the eigenvalues at a level, and the size of rounding."""
         A, B, C, D = self.A, self.B, self.C, self.D
-        inner = np.linalg.inv(level**2 * np.eye(D.shape[1]) - D.T @ D)
-        moved, drive = A + B @ inner @ D.T @ C, B @ inner @ B.T
-        seen = C.T @ C + C.T @ D @ inner @ D.T @ C
+        inner = np.linalg.inv(level**2 * np.eye(D.shape[1]) - D.conj().T @ D)
+        moved, drive = A + B @ inner @ D.conj().T @ C, B @ inner @ B.conj().T
+        seen = C.conj().T @ C + C.conj().T @ D @ inner @ D.conj().T @ C
         # Both off-diagonal blocks at one size.
         ratio = np.sqrt(max(np.linalg.norm(seen), 1e-300) / max(np.linalg.norm(drive), 1e-300))
         drive, seen = drive * ratio, seen / ratio
         if self.dt is None:
-            H, _ = sla.matrix_balance(np.block([[moved, drive], [-seen, -moved.T]]))
+            H, _ = sla.matrix_balance(np.block([[moved, drive], [-seen, -moved.conj().T]]))
             values = np.linalg.eigvals(H)
-            return np.abs(np.real(values)), np.abs(np.imag(values)), float(np.linalg.norm(H))
+            return np.abs(np.real(values)), self._sided(np.imag(values)), float(np.linalg.norm(H))
         n = len(A)
         left = np.block([[moved, np.zeros((n, n))], [-seen, np.eye(n)]])
-        right = np.block([[np.eye(n), -drive], [np.zeros((n, n)), moved.T]])
+        right = np.block([[np.eye(n), -drive], [np.zeros((n, n)), moved.conj().T]])
         over, under = sla.eigvals(left, right, homogeneous_eigvals=True)
         sizes = np.abs(over) - np.abs(under)
         scale = np.maximum(np.abs(under), np.abs(over))
-        return np.abs(sizes) / scale, np.abs(np.angle(over * under.conj())) / self.dt, float(np.linalg.norm(left))
+        frequencies = self._sided(np.angle(over * under.conj())) / self.dt
+        return np.abs(sizes) / scale, frequencies, float(np.linalg.norm(left))
+
+    def _sided(self, frequencies: np.ndarray) -> np.ndarray:
+        return frequencies if self.both_sides else np.abs(frequencies)
 
 
 def hinf(system: System, *, start: float | None = None, tol: float = _TOL, least: float = 0.0) -> Peak:
@@ -125,15 +144,13 @@ def hinf(system: System, *, start: float | None = None, tol: float = _TOL, least
         return Peak(np.inf, np.inf, np.inf)
     tried = _some(system.pole_frequencies()) if start is None else np.array([start])
     low, omega = float(np.linalg.norm(system.D, 2)), np.inf
-    # A gain above a level from zero frequency on, or up to half the sampling rate, crosses it once only.
-    ends = np.array([0.0] if system.dt is None else [0.0, np.pi / system.dt])
     low, omega = _highest(system, tried, low, omega)
     if not low > 0:
         return Peak(0.0, 0.0, omega)
     for _ in range(_ROUNDS):
         level = max(low, least) * (1 + 2 * tol)
         distances, frequencies, size = system.spectrum(level)
-        near = np.unique(np.concatenate([ends, frequencies[distances <= _NEAR * size]]))
+        near = np.unique(np.concatenate([system.ends, frequencies[distances <= _NEAR * size]]))
         before = low
         low, omega = _highest(system, np.concatenate([near, 0.5 * (near[1:] + near[:-1])]), low, omega)
         if low > level:

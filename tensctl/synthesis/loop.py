@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.optimize as so
 from jaxtyping import Complex, Inexact
 
 from tensctl.synthesis.estimator import Estimator, Plant
@@ -79,6 +80,19 @@ class Loop:
         """Expected cost rate (of a period when sampled, with weights on (z, u_k) and u_(k+1))."""
         rows = self.shown if self.dt is None else np.vstack([self.shown, self.asked])
         return float(np.real(np.trace(cost.matrix @ rows @ covariance @ rows.conj().T)))
+
+
+def separation(plant: Plant, estimator: Estimator, loop: Loop, K: np.ndarray) -> tuple[float, float]:
+    """Largest distance of a loop's poles to those of regulator and filter, and the largest of these, as pairs."""
+    n = len(plant.A)
+    if plant.sampled is None:
+        regulated, extra = plant.A - plant.B @ K, 0
+    else:
+        A, B = plant.sampled.with_input_state()
+        regulated, extra = A - B @ K, len(loop.A) - 2 * n - len(K)
+    poles = np.concatenate([np.linalg.eigvals(regulated), np.linalg.eigvals(estimator.Phi), np.zeros(extra)])
+    gaps = np.abs(loop.spectrum[:, None] - poles)
+    return float(gaps[so.linear_sum_assignment(gaps)].max()), float(np.abs(poles).max())
 
 
 def close(plant: Plant, estimator: Estimator) -> Loop:

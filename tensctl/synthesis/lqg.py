@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.optimize as so
 from jaxtyping import Complex, Float
 
 from tensctl.errors import SynthesisError
@@ -26,7 +25,7 @@ from tensctl.synthesis.estimator import Estimator, Plant, kalman_estimator
 from tensctl.synthesis.feedback import command
 from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.kalman import Kalman, kalman, white_forces
-from tensctl.synthesis.loop import Loop, close
+from tensctl.synthesis.loop import Loop, close, separation
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.lyapunov import Lyapunov
 from tensctl.synthesis.margins import DiskMargin, Sensitivity
@@ -117,15 +116,8 @@ class LQG(Estimating):
         """Distance of the loop's poles to those of regulator and filter, over the largest; None of reduced order."""
         if self.reduction is not None:
             return None
-        K, n = self.regulator.K, len(self.plant.A)
-        if self.plant.sampled is None:
-            regulated, extra = self.plant.A - self.plant.B @ K, 0
-        else:
-            A, B = self.plant.sampled.with_input_state()
-            regulated, extra = A - B @ K, len(self.loop.A) - 2 * n - len(K)
-        poles = np.concatenate([np.linalg.eigvals(regulated), np.linalg.eigvals(self.estimator.Phi), np.zeros(extra)])
-        gaps = np.abs(self.loop.spectrum[:, None] - poles)
-        return float(gaps[so.linear_sum_assignment(gaps)].max() / np.abs(poles).max())
+        gap, size = separation(self.plant, self.estimator, self.loop, self.regulator.K)
+        return gap / size
 
     @cached_property
     def regulator_doubt(self) -> float:
@@ -161,6 +153,11 @@ class LQG(Estimating):
     def covariance(self) -> Lyapunov:
         """Covariance of the loop's state under the noise that it was designed for."""
         return self.loop.noise(self.filter.W, self.filter.V)
+
+    @property
+    def covariance_residual(self) -> float:
+        """What the covariance leaves of its equation, over the sum of the terms."""
+        return self.covariance.residual
 
     @property
     def expected_cost(self) -> float:
@@ -203,7 +200,7 @@ class LQG(Estimating):
         for name, left in (
             ("regulator's Riccati residual", self.regulator.residual),
             ("filter's Riccati residual", self.filter.residual),
-            ("covariance's residual", self.covariance.residual),
+            ("covariance's residual", self.covariance_residual),
         ):
             if not left <= tol:
                 raise SynthesisError(f"the {name} is {left:.1e}; at most {tol:.0e} is expected.")

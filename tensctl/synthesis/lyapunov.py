@@ -20,10 +20,25 @@ from tensctl.synthesis.schur_lyapunov import LyapunovSolver
 
 @dataclass(frozen=True, eq=False)
 class Lyapunov:
-    """Solution of a Lyapunov equation, and what it leaves of it over the sum of the terms."""
+    """Solution of a Lyapunov equation.
+
+    Attributes
+    ----------
+    X : (n, n)
+    left : float
+        Norm (Frobenius) of what it leaves of the equation.
+    terms : tuple of float
+        Norms of the equation's terms.
+    """
 
     X: Inexact[np.ndarray, "n n"]
-    residual: float
+    left: float
+    terms: tuple[float, ...]
+
+    @property
+    def residual(self) -> float:
+        """What is left of the equation over the sum of its terms."""
+        return self.left / sum(self.terms) if sum(self.terms) > 0 else 0.0
 
 
 def lyapunov(
@@ -42,8 +57,7 @@ def lyapunov(
     X = X + solver.solve(np.sum(_terms(A, X, W, sampled), axis=0))
     X = 0.5 * (X + X.conj().T)
     terms = _terms(A, X, W, sampled)
-    size = sum(np.linalg.norm(term) for term in terms)
-    return Lyapunov(X, float(np.linalg.norm(np.sum(terms, axis=0)) / size) if size > 0 else 0.0)
+    return Lyapunov(X, float(np.linalg.norm(np.sum(terms, axis=0))), tuple(float(np.linalg.norm(M)) for M in terms))
 
 
 def ready(A: Inexact[np.ndarray, "n n"], *, sampled: bool = False) -> LyapunovSolver:

@@ -42,7 +42,7 @@ class DiskMargin:
     @classmethod
     def of(cls, peak: Peak) -> DiskMargin:
         """That of a peak of |S - I/2|."""
-        return cls(1 / peak.high, 1 / peak.low, peak.omega / (2 * np.pi))
+        return cls(1 / peak.high, 1 / peak.low, abs(peak.omega) / (2 * np.pi))
 
     @property
     def gain(self) -> tuple[float, float]:
