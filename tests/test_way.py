@@ -48,6 +48,15 @@ class TestSameAnswers:
         assert found.dt == pytest.approx(wanted.dt, rel=1e-12)
         found.verify(1e-13)
 
+    def test_at_a_target(self):
+        """At the end of a path, with rest lengths that are not the structure's own."""
+        scene = shell_scene(3, 1, pins=["P1_*_1"], target={"height_scale": 1.1})
+        target = tc.plan_shape(scene).target
+        linear = tc.linearize(tc.build_dynamics(scene), target, outputs=())
+        assert np.abs(target.inputs).max() > 0.01
+        K, _ = lqr_of(LqrStage(way="harmonics"), linear)[0].dense(linear)
+        assert relative(K, design_lqr(LqrStage(), linear).K) < 1e-11
+
     def test_pinned_damped_and_dragged(self):
         linear = shell(4, 1, pins=["P1_*_1"], **DAMPED)
         K, _ = lqr_of(LqrStage(way="harmonics", nodes=0.01), linear)[0].dense(linear)
@@ -102,7 +111,10 @@ class TestWhichWay:
     def test_small_is_dense(self, free):
         found, way = lqr_of(LqrStage(), free[4, 2])
         assert isinstance(found, tc.LQR)
-        assert str(way) == f"dense, since harmonics are taken from {WORTH_IT} degrees of freedom on, here are 80"
+        assert (
+            str(way) == f"dense, since harmonics are taken from {WORTH_IT[LqrStage]} degrees of freedom on, here are 80"
+        )
+        assert way_of_lqg(LqgStage(), SensorsStage(lengths=1e-3), free[4, 2])[0].taken == "harmonics"
 
     def test_large_and_symmetric_is_harmonic(self, free):
         found, way = lqr_of(LqrStage(), free[5, 2])
@@ -229,11 +241,11 @@ class TestDownstream:
         from tensctl.pipeline.summary import summarise
         from tensctl.synthesis import harmonic_margins
 
-        monkeypatch.setattr(harmonic_margins, "STATES", 50)
-        monkeypatch.setattr(harmonic_margins, "_POLES", 100)
+        monkeypatch.setattr(harmonic_margins, "STATES", 30)
+        monkeypatch.setattr(harmonic_margins, "_POLES", 60)
         found = summarise(runs["harmonics"][0], {})["lqr"]
         assert "harmonics of up to" in found["disk_margin_left_out"]
-        assert "beyond 100 poles" in found["disk_margin_of_one_input_left_out"]
+        assert "beyond 60 poles" in found["disk_margin_of_one_input_left_out"]
         assert not {"disk_margin", "disk_margin_of_one_input", "weakest_input"} & found.keys()
 
     def test_report_says_which(self, runs):
