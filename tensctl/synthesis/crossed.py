@@ -50,7 +50,7 @@ def optimal(
     except SynthesisError:
         raise SynthesisError(
             "double precision finds no solution of the Riccati equation, though no mode is out of reach: some mode is "
-            f"driven too weakly, or the weights of states and inputs are too far apart ({advice})."
+            f"driven or weighed too weakly, or the weights of states and inputs are too far apart ({advice})."
         ) from None
     if sampled:
         K = np.linalg.solve(cost.R + B.conj().T @ P @ B, B.conj().T @ P @ A + cost.N.conj().T)

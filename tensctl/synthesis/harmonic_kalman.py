@@ -27,6 +27,7 @@ from tensctl.synthesis.kalman import Kalman, force_roots, kalman
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.over_period import integral
 from tensctl.synthesis.sensors import Sensors
+from tensctl.synthesis.unseen import NOISE, check_seen_by_harmonic
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -150,11 +151,14 @@ def harmonic_kalman(
     LinearizationError
         Sensors that leave out an image.
     """
-    outputs, V, roots = symmetric_noise(linear, sensors, force_noise)
+    outputs, V, forces = symmetric_noise(linear, sensors, force_noise)
     if dt is not None and not (np.isfinite(dt) and dt > 0):
         raise SynthesisError(f"dt is {dt}; a sample period > 0 s is expected.")
+    duals = zip(linear.blocks, forces, strict=True)
+    parts = [(b.A.conj().T, Cost(W, V, np.zeros((b.nx, len(V)))), None) for b, W in duals]
+    check_seen_by_harmonic(linear, parts, sentence=NOISE)
     try:
-        blocks = by_harmonic(linear, lambda block: _filter(block, outputs.C(block), roots, V, dt))
+        blocks = by_harmonic(linear, lambda block: _filter(block, outputs.C(block), forces[block.k], V, dt))
     except SynthesisError:
         name_lost(linear, lambda: harmonic_observability(outputs), "seen", "sensors that see it")
         raise
@@ -163,8 +167,8 @@ def harmonic_kalman(
 
 def symmetric_noise(
     linear: HarmonicModel, sensors: Sensors, force_noise: float | Mapping[str, float]
-) -> tuple[HarmonicOutputs, Float[np.ndarray, "y y"], Float[np.ndarray, " nodes"]]:
-    """What the sensors show, their covariance in every harmonic, and the roots of the sector's force noise.
+) -> tuple[HarmonicOutputs, Float[np.ndarray, "y y"], tuple[np.ndarray, ...]]:
+    """What the sensors show, their covariance in every harmonic, and the forces of `harmonic_white_forces`.
 
     Raises
     ------
@@ -180,14 +184,26 @@ def symmetric_noise(
     kinds.append(("nodes", sensors.positions))
     outputs = HarmonicOutputs.of(linear, [(kind, chosen) for kind, chosen in kinds if chosen.size])
     noise = [of_sector(sensors.noise[orbit.places], "noises of sensors", "tc.lqg") for orbit in outputs.orbits]
+    return outputs, np.diag(np.concatenate(noise) ** 2), harmonic_white_forces(linear, force_noise)
+
+
+def harmonic_white_forces(
+    linear: HarmonicModel, forces: float | Mapping[str, float]
+) -> tuple[np.ndarray, ...]:
+    """Intensity of white forces on the free nodes in the states of each harmonic, as `white_forces` has it.
+
+    Raises
+    ------
+    SynthesisError
+        A negative intensity, or images with different ones.
+    """
     nodes = linear.map.point.sector.symmetry.nodes
-    roots = of_sector(force_roots(structure, force_noise)[nodes], "noises of forces", "tc.lqg")
-    return outputs, np.diag(np.concatenate(noise) ** 2), roots
+    roots = of_sector(force_roots(linear.dynamics.structure, forces)[nodes], "noises of forces", "tc.lqg")
+    drives = (block.E * np.repeat(roots, 3)[block.free] for block in linear.blocks)
+    return tuple(drive @ drive.conj().T for drive in drives)
 
 
-def _filter(block: Harmonic, C: np.ndarray, roots: np.ndarray, V: np.ndarray, dt: float | None) -> Kalman:
-    drive = block.E * np.repeat(roots, 3)[block.free]
-    W = drive @ drive.conj().T
+def _filter(block: Harmonic, C: np.ndarray, W: np.ndarray, V: np.ndarray, dt: float | None) -> Kalman:
     if dt is None:
         return kalman(block.A, C, W, V)
     return kalman(_motion(block, dt), C, integral(block.A.conj().T, W, dt)[1], V, sampled=True)

@@ -28,6 +28,7 @@ from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, name_lost,
 from tensctl.synthesis.harmonic_weights import Blocks, Costs, checked_costs
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.stabilisable import LeftOut
+from tensctl.synthesis.unseen import check_seen_by_harmonic
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -177,7 +178,7 @@ def harmonic_lqr(
     Raises
     ------
     SynthesisError
-        Weights that do not fit, no input, or a mode that is neither damped nor driven.
+        Weights that do not fit, no input, or a mode that is not damped and not driven, or not seen by the weights.
     """
     if linear.nx == 0 or linear.nu == 0:
         raise SynthesisError(
@@ -186,6 +187,8 @@ def harmonic_lqr(
     costs = checked_costs(linear, Q, R, cost)
     if dt is not None and not (np.isfinite(dt) and dt > 0):
         raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
+    cross = [None if dt is not None else block.B for block in linear.blocks]
+    check_seen_by_harmonic(linear, [(b.A, own, B) for b, own, B in zip(linear.blocks, costs, cross, strict=True)])
     try:
         if dt is not None:
             return sampled_design(linear, costs, dt)

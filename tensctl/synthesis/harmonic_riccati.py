@@ -58,7 +58,8 @@ def residual_of(linear: HarmonicModel, equations: Iterable[Equation], *, sampled
     """What is left of the equation of the whole structure, over the sum of its terms."""
     lefts, terms = zip(*(left_over(*one, sampled=sampled) for one in equations), strict=True)
     copies = np.array([block.copies for block in linear.blocks])
-    return float(np.sqrt(copies @ np.square(lefts)) / np.sqrt(copies @ np.square(terms)).sum())
+    total = np.sqrt(copies @ np.square(terms)).sum()
+    return float(np.sqrt(copies @ np.square(lefts)) / total) if total > 0 else 0.0
 
 
 def doubt_of(linear: HarmonicModel, doubts: Iterable[Doubt]) -> float:

@@ -36,6 +36,7 @@ from tensctl.synthesis.shown import shown
 from tensctl.synthesis.small_gain import SmallGain, small_gain
 from tensctl.synthesis.stabilisable import LeftOut, controlled_part
 from tensctl.synthesis.truncation import Truncated
+from tensctl.synthesis.unseen import NOISE, check_seen
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -270,6 +271,8 @@ def _plant(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float
 
 def _design(flexible, sensors, left, T, plant: Plant, cost: Cost, W: np.ndarray, order: int | None) -> LQG:
     V = np.diag(sensors.noise**2)
+    check_seen(flexible, T, plant.A, cost, plant.B if plant.sampled is None else None)
+    check_seen(flexible, T, plant.A.T, Cost(W, V, np.zeros(plant.C.T.shape)), sentence=NOISE)
     if plant.sampled is None:
         regulator = optimal(plant.A, plant.B, cost)
         found, period_cost = kalman(plant.A, plant.C, W, V), cost

@@ -25,6 +25,7 @@ from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.lqr_sampled import SampledLQR, sampled_lqr
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.stabilisable import LeftOut, stabilisable
+from tensctl.synthesis.unseen import check_seen
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
@@ -163,7 +164,7 @@ def lqr(
     Raises
     ------
     SynthesisError
-        A weight of the wrong shape, no input, or a mode that is neither damped nor driven.
+        A weight of the wrong shape, no input, or a mode that is not damped and not driven, or not seen by the weights.
     """
     flexible = linear.flexible
     cost = checked_cost(flexible, Q, R, N, cost)
@@ -173,7 +174,9 @@ def lqr(
     T = part.basis
     if not T.shape[1]:
         raise SynthesisError(f"nothing is left to control: {part.left[0]}.")
-    found = optimal(T.T @ flexible.A @ T, T.T @ flexible.B, Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N))
+    A, B, inside = T.T @ flexible.A @ T, T.T @ flexible.B, Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
+    check_seen(flexible, T, A, inside, B)
+    found = optimal(A, B, inside)
     K = found.K @ T.T
     period = _sample_time(flexible, K, T)
     return LQR(flexible, cost.Q, cost.R, cost.N, K, T @ found.P @ T.T, found.residual, T, part.left, period)

@@ -22,6 +22,7 @@ from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.over_period import ramped_cost
 from tensctl.synthesis.stabilisable import LeftOut, Part
+from tensctl.synthesis.unseen import check_seen
 from tensctl.synthesis.weights import Cost
 
 
@@ -138,6 +139,7 @@ def sampled_lqr(linear: LinearModel, cost: Cost, part: Part, dt: float) -> Sampl
     T = np.block([[x, np.zeros((len(x), nu))], [np.zeros((nu, x.shape[1])), np.eye(nu)]])
     A, B = sampled.with_input_state()
     inside = Cost(T.T @ period_cost.Q @ T, period_cost.R, T.T @ period_cost.N)
+    check_seen(linear, x, x.T @ linear.A @ x, Cost(x.T @ cost.Q @ x, cost.R, x.T @ cost.N))
     try:
         found = optimal(T.T @ A @ T, T.T @ B, inside, sampled=True)
     except SynthesisError as error:

@@ -9,11 +9,13 @@ Columns of B are scaled to length one: a soft tendon beside stiff ones is an inp
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Float
+from jaxtyping import Bool, Complex, Float
 
 from tensctl.analysis import controllability
 from tensctl.errors import SynthesisError
@@ -64,7 +66,7 @@ def stabilisable(linear: LinearModel, *, only: bool) -> Part:
     SynthesisError
         Unless `only`, when a mode is neither damped nor driven: its index, frequency and reason.
     """
-    lost = unreached(linear.A, linear.B, _pairs(linear))
+    lost = unreached(linear.A, linear.B, side_by_side(linear))
     if not lost.size:
         return Part(np.eye(len(linear.A)), ())
     reasons = {mode.index: "a rigid-body motion, which tendons do not push at rest" for mode in linear.drifting}
@@ -85,7 +87,7 @@ def controlled_part(linear: LinearModel, C: Float[np.ndarray, "ny nx"], *, only:
     driven = stabilisable(linear, only=only)
     T = driven.basis
     whole = not driven.left
-    lost = unreached((T.T @ linear.A @ T).T, (C @ T).T, _pairs(linear) if whole else None)
+    lost = unreached((T.T @ linear.A @ T).T, (C @ T).T, side_by_side(linear) if whole else None)
     if not lost.size:
         return driven
     reasons = {mode.index: _why_not_seen(linear, C, k) for k, mode in enumerate(_moving(linear))}
@@ -123,11 +125,8 @@ def _undriven(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     """Real orthonormal basis of the left eigenvectors of A that are undamped and that B does not reach."""
     poles, vectors = np.linalg.eig(A.T)
     noise = 10 * len(A) * np.finfo(float).eps * np.linalg.norm(A, 2)
-    left, found = list(np.flatnonzero(np.real(poles) >= -noise)), [np.zeros((len(A), 0))]
-    while left:
-        near = np.abs(poles[left] - poles[left[0]]) <= _SAME * abs(poles[left[0]]) + noise
-        group, left = np.array(left)[near], list(np.array(left)[~near])
-        basis = sla.orth(vectors[:, group], rcond=1e-6)
+    found = [np.zeros((len(A), 0))]
+    for _, basis in pole_groups(poles, vectors, np.real(poles) >= -noise, noise):
         turned, gains, _ = np.linalg.svd(basis.conj().T @ B)
         gains = np.concatenate([gains, np.zeros(len(turned) - gains.size)])
         lost = basis @ turned[:, gains <= _REACHED]
@@ -135,7 +134,18 @@ def _undriven(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     return sla.orth(np.hstack(found), rcond=1e-6)
 
 
-def _pairs(linear: LinearModel) -> np.ndarray:
+def pole_groups(
+    poles: np.ndarray, vectors: np.ndarray, chosen: Bool[np.ndarray, " n"], noise: float
+) -> Iterator[tuple[complex, Complex[np.ndarray, "n k"]]]:
+    """Chosen poles, those within rounding of each other as one, with an orthonormal basis of their eigenvectors."""
+    left = np.flatnonzero(chosen)
+    while left.size:
+        near = np.abs(poles[left] - poles[left[0]]) <= _SAME * abs(poles[left[0]]) + noise
+        yield complex(poles[left[0]]), sla.orth(vectors[:, left[near]].astype(complex), rcond=1e-6)
+        left = left[~near]
+
+
+def side_by_side(linear: LinearModel) -> np.ndarray:
     """Order of the states with position and speed of each mode side by side."""
     return np.argsort(_owners(linear), kind="stable")
 
@@ -162,6 +172,14 @@ def _allow(left: tuple[LeftOut, ...], how: str, only: bool) -> None:
 
 
 def _named(linear: LinearModel, lost: np.ndarray, reasons: dict[int, str]) -> tuple[LeftOut, ...]:
+    """The modes of lost directions, each with its reason."""
+    chosen = name_directions(linear, lost, reasons)
+    return tuple(LeftOut(m.index, m.frequency, reasons.get(m.index) or "beside others out of reach") for m in chosen)
+
+
+def name_directions(
+    linear: LinearModel, lost: Float[np.ndarray, "nx k"], reasons: Mapping[int, str] = MappingProxyType({})
+) -> tuple[Mode, ...]:  # fmt: skip
     """The modes of lost directions: as many as have the lost states, those with a reason first."""
     modes = _moving(linear)
     share = np.zeros(len(modes))
@@ -169,8 +187,7 @@ def _named(linear: LinearModel, lost: np.ndarray, reasons: dict[int, str]) -> tu
     names = sorted(np.flatnonzero(share > _TAKES_PART), key=lambda k: not reasons.get(modes[k].index))
     states = np.cumsum([2 if k < len(linear.modes) else 1 for k in names])
     kept = sorted(names[: 1 + int(np.searchsorted(states, lost.shape[1]))])
-    chosen = [modes[k] for k in kept]
-    return tuple(LeftOut(m.index, m.frequency, reasons.get(m.index) or "beside others out of reach") for m in chosen)
+    return tuple(modes[k] for k in kept)
 
 
 def _why_not_seen(linear: LinearModel, C: np.ndarray, position: int) -> str:
