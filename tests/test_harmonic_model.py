@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from harmonic_support import DAMPED, relative
-from support import random_motion, replaced, shell_scene, solved
+from support import network_scene, random_motion, replaced, shell_scene, solved
 
 import tensctl as tc
 from tensctl.linear import harmonics
@@ -164,10 +164,35 @@ def test_unstable_modes_have_the_dense_model_s_scale():
     assert relative(A, linear.flexible.A) < 1e-11
 
 
+def ring_of_cables():
+    """A prism of three rods whose rings are a cable each."""
+    corners = [(np.cos(a), np.sin(a)) for a in 2 * np.pi / 3 * np.arange(3)]
+    tops = [(np.cos(a), np.sin(a)) for a in 2 * np.pi / 3 * np.arange(3) + 5 * np.pi / 6]
+    nodes = {f"a{k}": [x, y, 0.0] for k, (x, y) in enumerate(corners)}
+    nodes |= {f"b{k}": [x, y, 1.0] for k, (x, y) in enumerate(tops)}
+    rings = {side: [f"{side}0", f"{side}1", f"{side}2", f"{side}0"] for side in "ab"}
+    sides = {f"s{k}": [f"a{k}", f"b{(k + 2) % 3}"] for k in range(3)}
+    rods = {f"r{k}": [f"a{k}", f"b{k}"] for k in range(3)}
+    return network_scene(nodes, rods, rings | sides)
+
+
 class TestRefusals:
     def test_a_load_on_one_node(self):
         scene = shell_scene(3, 1, pins=["P1_*_1"], loads={"P4_1_1": [0.1, 0.0, 0.0]})
         with pytest.raises(tc.LinearizationError, match=r"no cyclic symmetry: no turn by 2 pi/n, n >= 3"):
+            harmonics(tc.build_dynamics(scene), tc.find_equilibrium(scene))
+
+    @pytest.mark.parametrize(
+        ("scene", "what"),
+        [
+            (shell_scene(4, 2, cls=2, tendons={"rest_ratio": 0.85}), "nodes that rods share"),
+            (shell_scene(3, 1, pins={"P1_*_1": "z"}), "guided nodes"),
+            (shell_scene(3, 2, cls=2, pins={"P1_*_1": "z"}), "nodes that rods share and guided nodes"),
+            (ring_of_cables(), "cables through several nodes"),
+        ],
+    )
+    def test_symmetric_but_not_split(self, scene, what):
+        with pytest.raises(tc.LinearizationError, match=f"^the scene has {what}, which harmonics do not split"):
             harmonics(tc.build_dynamics(scene), tc.find_equilibrium(scene))
 
     def test_one_stiffer_tendon(self):

@@ -72,6 +72,6 @@ class TestRefusals:
             tc.harmonic_truncate(outputs, **given)
 
     def test_states_that_nobody_sees(self, outputs):
-        fewer = tc.harmonic_outputs(outputs.model, ["lengths:t4_*"])
+        fewer = tc.harmonic_outputs(outputs.model, "lengths:t4_*")
         with pytest.raises(tc.SynthesisError, match=r"order is 68, but only 58 states are both driven and seen"):
             tc.harmonic_truncate(fewer, 68, damping=0.02)

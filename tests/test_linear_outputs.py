@@ -55,12 +55,21 @@ class TestChoice:
             (("angles:P4_*",), 'output "angles" is unknown'),
             (("nodes", "nodes:P4_1_1"), "output P4_1_1_x is asked for twice"),
             ((tc.Mix({"lean": {"P9_1_1_x": 1.0}}),), "the mix lean asks for P9_1_1_x"),
+            ((tc.Mix({"lean": {"P4_1_1_x": np.nan}}),), "lean gives P4_1_1_x the weight nan; a finite number"),
             ((tc.Mix({"T_t5_1_1": {"P4_1_1_x": 1.0}}), "tensions"), "T_t5_1_1 is asked for twice"),
         ],
     )
     def test_refusals(self, damped, asked, words):
         with pytest.raises(tc.LinearizationError, match=words):
             inspect.unwrap(tc.linearize)(damped[0], damped[1], outputs=asked)
+
+    def test_one_alone_needs_no_sequence(self, damped):
+        dynamics, rest, full = damped
+        for one in ("lengths", tc.Mix({"lean": {"P4_1_1_x": 0.5}})):
+            alone, listed = tc.linearize(dynamics, rest, outputs=one), tc.linearize(dynamics, rest, outputs=[one])
+            assert alone.outputs == listed.outputs
+            assert (alone.C == listed.C).all()
+            assert full.showing(one).outputs == listed.outputs
 
 
 class TestMix:

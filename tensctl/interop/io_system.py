@@ -76,7 +76,7 @@ class TensegritySystem(control.NonlinearIOSystem):
 
 
 def iosystem(
-    dynamics: Dynamics, equilibrium: Equilibrium, *, outputs: Sequence[Output] = ("nodes", "tensions")
+    dynamics: Dynamics, equilibrium: Equilibrium, *, outputs: Output | Sequence[Output] = ("nodes", "tensions")
 ) -> TensegritySystem:
     """The full nonlinear model about an equilibrium as a `control.NonlinearIOSystem`.
 

@@ -10,7 +10,7 @@ from tensctl.errors import LinearizationError
 from tensctl.linear.harmonic_inputs import input_orbits
 from tensctl.model import Dynamics
 from tensctl.statics import Equilibrium
-from tensctl.statics.symmetry import CyclicSymmetry, find_symmetry
+from tensctl.statics.symmetry import CyclicSymmetry, find_symmetry, not_split
 
 _SMALLEST = 3
 
@@ -21,9 +21,14 @@ def linear_symmetry(dynamics: Dynamics, equilibrium: Equilibrium, tol: float) ->
     Raises
     ------
     LinearizationError
-        When there is none, with what breaks it.
+        When there is none, with what breaks it, and for structures that are not split.
     """
     potential = equilibrium.potential
+    unsplit = not_split(potential)
+    if unsplit:
+        raise LinearizationError(
+            f"the scene has {unsplit}, which harmonics do not split, symmetric or not; use tc.linearize."
+        )
     found = find_symmetry(potential, equilibrium.nodes, equilibrium.rest_lengths, tol=tol)
     if found is None:
         raise LinearizationError(

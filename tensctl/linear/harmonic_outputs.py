@@ -128,12 +128,13 @@ class HarmonicOutputs:
         return turned.reshape(values.shape)
 
 
-def harmonic_outputs(model: HarmonicModel, outputs: Sequence[str]) -> HarmonicOutputs:
+def harmonic_outputs(model: HarmonicModel, outputs: str | Sequence[str]) -> HarmonicOutputs:
     """Outputs by name, `kind` or `kind:pattern`, as `linearize` takes them.
 
     Parameters
     ----------
-    outputs : of "nodes", "lengths", "tensions", each with a pattern of node or tendon labels where not all are meant
+    outputs : one or several of "nodes", "lengths", "tensions"
+        Each with a pattern of node or tendon labels where not all are meant.
 
     Raises
     ------
@@ -141,7 +142,7 @@ def harmonic_outputs(model: HarmonicModel, outputs: Sequence[str]) -> HarmonicOu
         An unknown kind, or outputs that leave out an image.
     """
     structure, members = model.dynamics.structure, []
-    for asked in outputs:
+    for asked in [outputs] if isinstance(outputs, str) else outputs:
         kind, _, pattern = asked.partition(":")
         if kind not in get_args(Shown):
             raise LinearizationError(

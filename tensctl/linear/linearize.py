@@ -20,7 +20,7 @@ def linearize(
     dynamics: Dynamics,
     equilibrium: Equilibrium,
     *,
-    outputs: Sequence[Output] = ("nodes", "tensions"),
+    outputs: Output | Sequence[Output] = ("nodes", "tensions"),
     loads: Iterable[str] | None = None,
     on_boundary: Side | Mapping[str, Side] = "refuse",
     repeated: float = REPEATED,
@@ -35,7 +35,7 @@ def linearize(
     dynamics : Dynamics
     equilibrium : Equilibrium
         Of the same structure.
-    outputs : sequence of str and Mix
+    outputs : str or Mix, or a sequence of them
         Outputs of C and D, in this order: "nodes", "velocities", "lengths" or "tensions", or some of them by a pattern
         of labels, "nodes:P4_*", "tensions:t5_*", "nodes:*_z"; or weighted sums of these, `Mix`.
     loads : patterns of node labels, optional

@@ -182,7 +182,7 @@ class LinearModel:
         rigid = tuple(mode for mode in self.modes if mode.kind == "rigid-body")
         return replace(self, modes=kept, drifting=(rigid or self.drifting) if self.dynamics.drag > 0 else ())
 
-    def showing(self, outputs: Sequence[Output]) -> LinearModel:
+    def showing(self, outputs: Output | Sequence[Output]) -> LinearModel:
         """The same model with other outputs."""
         return replace(self, outputs_map=output_map(self.dynamics, self.equilibrium, outputs))
 

@@ -61,15 +61,15 @@ class OutputMap:
     feedthrough: sp.csr_array
 
 
-def output_map(dynamics: Dynamics, equilibrium: Equilibrium, outputs: Sequence[Output]) -> OutputMap:
-    """Stack the maps of the outputs asked for.
+def output_map(dynamics: Dynamics, equilibrium: Equilibrium, outputs: Output | Sequence[Output]) -> OutputMap:
+    """Stack the maps of the outputs asked for, one or several.
 
     Raises
     ------
     LinearizationError
-        An unknown kind, a pattern or label that names nothing, or an output asked for twice.
+        An unknown kind, a pattern or label that names nothing, an infinite weight, or an output asked for twice.
     """
-    names = _Names(dynamics.structure)
+    names, outputs = _Names(dynamics.structure), [outputs] if isinstance(outputs, Output) else outputs
     parts = [names.mixed(asked) if isinstance(asked, Mix) else names.chosen(asked) for asked in outputs]
     labels = tuple(label for found, _ in parts for label in found)
     if len(set(labels)) < len(labels):
@@ -119,6 +119,10 @@ class _Names:
                     raise LinearizationError(
                         f"the mix {name} asks for {label}, which is no output; labels are like P4_1_1_x, v_P4_1_1_x, "
                         "l_t5_1_1 or T_t5_1_1."
+                    )
+                if not np.isfinite(weight):
+                    raise LinearizationError(
+                        f"the mix {name} gives {label} the weight {weight}; a finite number is expected."
                     )
                 weights[row, place[safe_label(label)]] = weight
         return [safe_label(name) for name in mix.rows], sp.csr_array(weights)

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-from tensctl.elements import JointedManifold, Potential
+from tensctl.elements import Potential
 
 # Builders place nodes to a few 1e-16 of the size, files with nine digits to 1e-9.
 _TOLERANCE = 1e-9
@@ -112,9 +112,7 @@ def find_symmetry(
     inertia. Structures with shared nodes, guides or cables, and planar ones, are not looked at.
     """
     structure = potential.structure
-    if isinstance(potential.manifold, JointedManifold) or structure.has_cables or structure.planar:
-        return None
-    if len(structure.rods) < _SMALLEST:
+    if not_split(potential) or len(structure.rods) < _SMALLEST:
         return None
     own = structure.nodes if nodes is None else nodes
     rest = potential.members.rest_lengths if rest_lengths is None else rest_lengths
@@ -126,6 +124,18 @@ def find_symmetry(
             if found is not None:
                 return found
     return None
+
+
+def not_split(potential: Potential) -> str:
+    """What a structure has that is not split into sectors, symmetric or not; empty when it has nothing of it."""
+    structure = potential.structure
+    has = {
+        "nodes that rods share": structure.jointed,
+        "guided nodes": structure.has_guides,
+        "cables through several nodes": structure.has_cables,
+        "a planar form": structure.planar,
+    }
+    return " and ".join(what for what, there in has.items() if there)
 
 
 @dataclass(frozen=True, eq=False)

@@ -187,9 +187,7 @@ def symmetric_noise(
     return outputs, np.diag(np.concatenate(noise) ** 2), harmonic_white_forces(linear, force_noise)
 
 
-def harmonic_white_forces(
-    linear: HarmonicModel, forces: float | Mapping[str, float]
-) -> tuple[np.ndarray, ...]:
+def harmonic_white_forces(linear: HarmonicModel, forces: float | Mapping[str, float]) -> tuple[np.ndarray, ...]:
     """Intensity of white forces on the free nodes in the states of each harmonic, as `white_forces` has it.
 
     Raises
