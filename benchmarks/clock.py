@@ -1,5 +1,6 @@
-"""Processor time of work that takes microseconds or minutes."""
+"""Processor time of work that takes microseconds or minutes, and memory of the process that does it."""
 
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -16,3 +17,10 @@ def timed(work: Callable[[], Any], at_least: float = 0.0) -> tuple[float, Any]:
         took = time.process_time() - began
         best, spent = min(best, took), spent + max(took, 1e-6)
     return best, answer
+
+
+def memory() -> float:
+    """Largest memory of this process so far, MB."""
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform != "darwin" else 1024**2)

@@ -1,19 +1,26 @@
 """Riccati equations of shells in harmonics, and extreme cases.
 
 python benchmarks/riccati.py            # both tables, printed and written into docs/riccati.md
+python benchmarks/riccati.py --shells   # the table of shells alone
 python benchmarks/riccati.py --quick    # the smallest shells, printed only
 
-Times are processor times with one BLAS thread. Other solvers stand beside this one in riccati_solvers.py.
+Times are processor times with one BLAS thread. Each shell has a process of its own; memory is the largest of that
+process (`ru_maxrss`) once the gain is there and has answered once, before any dense model. Other solvers stand beside
+this one in riccati_solvers.py.
 """
 
 import argparse
+import json
+import subprocess
+import sys
 import time
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import page
-from clock import timed
+from clock import memory, timed
 
 import tensctl as tc
 from tensctl.errors import TensctlError
@@ -79,30 +86,43 @@ def problems(states: int) -> list[Problem]:
     ]
 
 
-def shell_rows(sizes: list[tuple[int, int]]) -> list[dict]:
-    """From equilibrium to gain: by harmonics, by the dense model, and by python-control on SciPy."""
-    import control
-
+def shell_rows(sizes: Sequence[tuple[int, int]]) -> list[dict]:
+    """Rows of the table of shells, each from a process of its own."""
     rows = []
     for n, m in sizes:
-        scene = shell(n, m)
-        dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
-        long = 1e-9 if n >= 20 else 0.2
-        linear, model = timed(lambda dynamics=dynamics, rest=rest: tc.harmonics(dynamics, rest), long)
-        gain, design = timed(lambda model=model: tc.harmonic_lqr(model), long)
-        row = {"shell": f"({n},{m})", "states": model.nx, "linear": linear, "gain": gain, "residual": design.residual}
-        command = Measurement(rest.nodes, 0 * rest.nodes, rest.lengths, rest.tensions, rest.inputs)
-        row["step"], _ = timed(lambda design=design, command=command: design.step(0.0, command), 0.05)
-        if model.nx <= 700:
-            row |= dense(dynamics, rest, design)
-            began = time.process_time()
-            system = tc.linearize(dynamics, rest).flexible.to_statespace()
-            stiffness = dynamics.members.stiffness[dynamics.members.inputs]
-            control.lqr(system, np.eye(model.nx), np.diag(stiffness), method="scipy")
-            row["control"] = time.process_time() - began
-        rows.append(row)
-        print(row, flush=True)
+        command = [sys.executable, __file__, "--one", str(n), str(m)]
+        made = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+        rows.append(json.loads(made))
+        print(rows[-1], flush=True)
     return rows
+
+
+def shell_row(n: int, m: int) -> dict:
+    """From equilibrium to gain: by harmonics, by the dense model, and by python-control on SciPy."""
+    scene = shell(n, m)
+    dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
+    long = 1e-9 if n >= 20 else 0.2
+    linear, model = timed(lambda: tc.harmonics(dynamics, rest), long)
+    gain, design = timed(lambda: tc.harmonic_lqr(model), long)
+    row = {"shell": f"({n},{m})", "states": model.nx, "linear": linear, "gain": gain, "residual": design.residual}
+    still = Measurement(rest.nodes, 0 * rest.nodes, rest.lengths, rest.tensions, rest.inputs)
+    design.step(0.0, still)  # loads the compiled kernels
+    row["step"], _ = timed(lambda: design.step(0.0, still), 0.05)
+    row["memory"] = memory()
+    if model.nx <= 700:
+        row |= dense(dynamics, rest, design) | {"control": by_control(dynamics, rest)}
+    return row
+
+
+def by_control(dynamics: tc.Dynamics, rest: tc.Equilibrium) -> float:
+    """Time of python-control on SciPy, linear model included, s."""
+    import control
+
+    began = time.process_time()
+    flexible = tc.linearize(dynamics, rest).flexible
+    stiffness = dynamics.members.stiffness[dynamics.members.inputs]
+    control.lqr(flexible.to_statespace(), np.eye(len(flexible.A)), np.diag(stiffness), method="scipy")
+    return time.process_time() - began
 
 
 def dense(dynamics: tc.Dynamics, rest: tc.Equilibrium, design: tc.HarmonicLQR) -> dict:
@@ -116,13 +136,13 @@ def dense(dynamics: tc.Dynamics, rest: tc.Equilibrium, design: tc.HarmonicLQR) -
 
 
 def shell_table(rows: list[dict]) -> str:
-    head = ["shell", "states", "linear model, s", "gain, s", "residual", "one command, ms", "dense model and gain, s"]
-    head += ["control.lqr on SciPy, s", "times harmonics", "gains differ by"]
+    head = ["shell", "states", "linear model, s", "gain, s", "residual", "one command, ms", "memory, MB"]
+    head += ["dense model and gain, s", "control.lqr on SciPy, s", "times harmonics", "gains differ by"]
     cells = []
     for r in rows:
         own = r["linear"] + r["gain"]
         known = [r["shell"], r["states"], f"{r['linear']:.3g}", f"{r['gain']:.3g}", f"{r['residual']:.0e}"]
-        known.append(f"{1e3 * r['step']:.2g}")
+        known += [f"{1e3 * r['step']:.2g}", f"{r['memory']:.0f}"]
         if "control" in r:
             known += [f"{r['dense']:.3g}", f"{r['control']:.3g}", f"{r['control'] / own:.3g}", f"{r['gap']:.0e}"]
         cells.append(known + [""] * (len(head) - len(known)))
@@ -186,16 +206,20 @@ def extreme(scene: tc.Scene, part: float) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--quick", action="store_true", help="small sizes only, printed only")
-    quick = parser.parse_args().quick
+    parser.add_argument("--shells", action="store_true", help="the table of shells alone")
+    parser.add_argument("--one", nargs=2, type=int, metavar=("N", "M"), help="one shell, in this process")
+    asked = parser.parse_args()
     warnings.simplefilter("ignore")  # rods that pass through each other are told of; here that is no matter
     care(np.zeros((2, 2)), np.eye(2), np.eye(2), np.eye(2))
     tc.harmonic_lqr(tc.harmonics(tc.build_dynamics(shell(3, 1)), tc.find_equilibrium(shell(3, 1))))
-    extremes = extreme_table()
-    shells = shell_rows(SIZES[:3] if quick else SIZES)
-    tables = {"shells": shell_table(shells), "extremes": extremes}
+    if asked.one:
+        print(json.dumps(shell_row(*asked.one)))
+        return
+    tables = {} if asked.shells else {"extremes": extreme_table()}
+    tables["shells"] = shell_table(shell_rows(SIZES[:3] if asked.quick else SIZES))
     for table in tables.values():
         print(f"\n{table}")
-    if not quick:
+    if not asked.quick:
         page.write("riccati.md", tables)
 
 

@@ -23,6 +23,7 @@ if hasattr(os, "sched_setaffinity"):
 
 import numpy as np
 import page
+from clock import memory
 
 import tensctl as tc
 from tensctl.jit import jit
@@ -126,14 +127,7 @@ def one(n: int, m: int) -> list[str]:
         stage(dynamics, count),
     )
     cells = [f"{1e9 * s / tendons:.2f}" for s in spent]
-    return [f"({n},{m})", str(tendons), *cells, f"{1e6 * spent[-1]:.3g}", f"{_memory():.0f}"]
-
-
-def _memory() -> float:
-    """Largest memory of this process so far, MB."""
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform != "darwin" else 1024**2)
+    return [f"({n},{m})", str(tendons), *cells, f"{1e6 * spent[-1]:.3g}", f"{memory():.0f}"]
 
 
 def main() -> None:
