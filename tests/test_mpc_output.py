@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from support import shell_scene
+from support import shell_scene, solved
 from test_mpc import Rough
 
 import tensctl as tc
@@ -32,6 +32,14 @@ def wrong(mast):
     return tc.build_dynamics(shell_scene(pins=["P1_*_1"], tendons={"stiffness": stiffness, "rest_length": rest_length}))
 
 
+@pytest.fixture(scope="module")
+def weak():
+    return solved(shell_scene(
+        4, 1, cls=2, pins=["P1_*_1"], gravity={"g": 1.0}, loads={"*P4_1_1*": [0.5, 0.2, 0.0]},
+        tendons={"damping": 0.2, "rest_ratio": 0.85},
+    ))  # fmt: skip
+
+
 def late_errors(mast, dynamics, controller, **options):
     """Largest node error over the last 3 s, and of the mean over them."""
     nodes = mast[1].nodes
@@ -50,6 +58,47 @@ class TestNoOffset:
         """The same controller whose disturbances do not move: what the other one takes away is there."""
         _, mean = late_errors(mast, wrong, tc.OutputMPC(mast[2], eyes, horizon=10, tension_min=0.5, drift=1e-7))
         assert mean > 5e-3
+
+
+class TestWeakDirections:
+    """Two directions of the lengths of a class 2 shell follow rest lengths by 1e-3 of what the best one does."""
+
+    def test_a_push_is_calmed(self, weak):
+        """3 N for 0.1 s; a target that takes all of a step's estimate at once swings by 0.1 m for good."""
+        dynamics, rest, linear = weak
+        eyes = tc.sensors(dynamics.structure, seed=1, lengths=1e-4, tensions=1e-2)
+        controller = tc.OutputMPC(linear, eyes, horizon=8, tension_min=0.05)
+        push = tc.Push(dynamics.structure.node_labels[-1], [3.0, 0.9, 0.0], 0.1, 0.2)
+        run = tc.simulate(dynamics, rest, controller=controller, t_end=5.0, pushes=[push])
+        assert run.distance_to(rest.nodes)[-100:].max() < 2e-3
+
+    def test_a_target_that_stays_is_the_best_one(self, weak, rng):
+        """Step by step it comes to the least squares of what is tracked, from the best directions on."""
+        dynamics, _, linear = weak
+        eyes = tc.sensors(dynamics.structure, seed=1, lengths=1e-4, tensions=1e-2)
+        programme = (controller := tc.OutputMPC(linear, eyes, horizon=2)).programme
+        wide, margin = np.full(28, 1e3), np.full_like(controller.margin_at_rest, 1e6)
+        d, near, gain = rng.standard_normal(64), 1e-3 * rng.standard_normal(28), programme.gain
+        best = near - np.linalg.pinv(gain) @ (programme.disturbed @ d + gain @ near)
+        left, size = np.linalg.svd(gain, full_matrices=False)[:2]
+        target, shares = None, []
+        for _ in range(200):
+            target = programme.at(d, np.zeros(32), near, (-wide, wide), margin, target)
+            shares.append(np.abs(left.T @ gain @ (target.inputs - best)) / np.abs(left.T @ gain @ (near - best)))
+        assert (shares[0][size > 0.1 * size[0]] < 0.1).all()
+        assert (shares[0][size < 0.01 * size[0]] > 0.9).all()
+        assert (np.diff(shares, axis=0)[:5, -2:] < 0).all()
+        assert shares[-1][:-2].max() < 1e-5
+        assert shares[-1][-2] < 0.9
+
+    def test_prestress_of_a_path_is_followed_at_once(self, mast, eyes):
+        """What shows in nothing tracked is as the path has it, without delay."""
+        programme = (controller := tc.OutputMPC(mast[2], eyes, horizon=2)).programme
+        still = np.linalg.svd(programme.gain)[2][-1]
+        wide, margin = np.full(21, 1e3), np.full_like(controller.margin_at_rest, 1e6)
+        first = programme.at(np.zeros(48), np.zeros(24), 0 * still, (-wide, wide), margin, None)
+        moved = programme.at(np.zeros(48), np.zeros(24), 0.01 * still, (-wide, wide), margin, first)
+        assert np.abs(moved.inputs - 0.01 * still).max() < 1e-9
 
 
 class TestModel:

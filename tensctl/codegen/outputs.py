@@ -15,6 +15,7 @@ from tensctl.codegen.literals import Table
 from tensctl.codegen.problem import ProblemTables, problem_tables
 from tensctl.synthesis import OutputMPC
 from tensctl.synthesis.offset_filter import ABSURD, BACK, PATIENCE
+from tensctl.synthesis.steady_target import KEPT
 
 
 def output_facts(mpc: OutputMPC) -> dict[str, Any]:
@@ -32,7 +33,7 @@ def output_facts(mpc: OutputMPC) -> dict[str, Any]:
     return {
         "sensors": ny, "measured": measured, "size": ny + nu, "target": target, "times": times,
         "tables": (*tables, carried) if mpc.delay else tables, "parts": (mpc.piece_at(0.0),), "suffixes": ("",),
-        "absurd": ABSURD, "patience": PATIENCE, "back": BACK,
+        "absurd": ABSURD, "patience": PATIENCE, "back": BACK, "kept": KEPT,
         "sizes": [
             ("STATES", nx, ""), ("SENSORS", ny, "and as many disturbances"), ("ORDER", nx + ny, "of the filter"),
             ("TRACKED", mpc.tracked.size, "sensors whose values are to be reached"),

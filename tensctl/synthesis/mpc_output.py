@@ -108,7 +108,7 @@ class OutputMPC(MPC):
         self.model.verify()
         self.filter: OffsetFilter = offset_filter(self.model, force_noise, drift)
         self.tracked = _tracked(sensors, track)
-        self._memory: tuple[Estimate, np.ndarray] | None = None
+        self._memory: tuple[Estimate, np.ndarray, Target] | None = None
         self._looked: _Look | None = None
 
     @property
@@ -128,12 +128,13 @@ class OutputMPC(MPC):
 
     def state(self) -> dict[str, np.ndarray]:
         """The last plan, estimate, inputs and target."""
-        if self._memory is None or self._looked is None:
+        if self._memory is None:
             return super().state()
-        e, target = self._memory[0], self._looked.target
+        e, inputs, target = self._memory
         held = {
-            "mean": e.mean, "absurd": e.absurd, "counts": np.array([e.missing, e.rejected]), "inputs": self._memory[1],
+            "mean": e.mean, "absurd": e.absurd, "counts": np.array([e.missing, e.rejected]), "inputs": inputs,
             "target": np.concatenate([target.inputs, [target.missed, target.relaxed]]), "target_state": target.state,
+            "beside": target.beside,
         }  # fmt: skip
         # Always there, empty while it is the constant one: a stored run keeps what is not written anew.
         return super().state() | held | {"covariance": np.zeros((0, 0)) if e.covariance is None else e.covariance}
@@ -146,9 +147,9 @@ class OutputMPC(MPC):
         missing, rejected = (int(k) for k in state["counts"])
         covariance = state["covariance"] if state["covariance"].size else None
         estimate = Estimate(state["mean"], covariance, state["absurd"], missing, rejected)
-        self._memory = estimate, state["inputs"]
         missed, relaxed = (float(x) for x in state["target"][-2:])
-        target = Target(state["target_state"], state["target"][:-2], missed, relaxed)
+        target = Target(state["target_state"], state["target"][:-2], missed, relaxed, state["beside"])
+        self._memory = estimate, state["inputs"], target
         self._looked = _Look(Reading(np.zeros(0), state["inputs"]), estimate, target)
 
     @one_blas_thread()
@@ -185,7 +186,8 @@ class OutputMPC(MPC):
 
     def _remember(self) -> None:
         assert self._looked is not None
-        self._memory = self._looked.estimate, self._looked.reading.inputs - self.linear.equilibrium.inputs
+        look, rest = self._looked, self.linear.equilibrium.inputs
+        self._memory = look.estimate, look.reading.inputs - rest, look.target
 
     def _seen(self, measurement: Any, inputs: np.ndarray) -> Reading:
         """The reading, with known inputs: the filter goes on without what is missing."""
@@ -242,23 +244,26 @@ class OutputMPC(MPC):
         if self._memory is None:
             before = self.filter.begin()
             return self.filter.update(before, before.mean, y, u)
-        before, inputs = self._memory
+        before, inputs, _ = self._memory
         return self.filter.update(before, self.filter.predict(before, inputs, u), y, u)
 
     def _rest_under(self, t: float, estimate: Estimate) -> Target:
         rest, when = self.linear.equilibrium, self._ends(t)[0]
+        last = None if self._memory is None else self._memory[2]
         target = self.programme.at(
             estimate.mean[len(self.linear.A) :],
             self.wanted_at(when),
             self.wanted.inputs_at(when) - rest.inputs,
             self.target_range,
             self.margin_at_rest,
+            last,
         )
         if target is not None:
             return target
-        if self._looked is not None:
-            return self._looked.target
-        return Target(np.zeros(len(self.linear.A)), np.zeros(rest.inputs.size), np.nan, np.nan)
+        if last is not None:
+            return last
+        still = np.zeros(rest.inputs.size)
+        return Target(np.zeros(len(self.linear.A)), still, np.nan, np.nan, still)
 
     def _path_ahead(self, t: float) -> tuple[Reference, np.ndarray]:
         """The target is that of the first period's end for the whole horizon."""

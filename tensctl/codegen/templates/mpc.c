@@ -14,9 +14,9 @@ static struct {
     struct memory last_target;
 
     /* The filter: estimate of states and disturbances, inputs at its sample, P where it varies, for how many samples on
-     * end each sensor was refused; and where to rest, states and inputs. */
+     * end each sensor was refused; and where to rest, states and inputs, and inputs there less those of the course. */
     int known, varies, absurd[SENSORS];
-    double estimate[ORDER], inputs[INPUTS], P[ORDER][ORDER], target[STATES + INPUTS];
+    double estimate[ORDER], inputs[INPUTS], P[ORDER][ORDER], target[STATES + INPUTS], beside[INPUTS];
 {% endif %}
 
     /* Where this step begins: what is given, total inputs that its command departs from, inputs from which z deviates
