@@ -9,9 +9,9 @@ from test_export_c import OK, RELAXED, Both
 import tensctl as tc
 from tensctl.synthesis.sensors import Reading
 
-# Prestress moves what is tracked by 1e-4 of what the easiest direction does, so two solvers of the target's programme
-# agree on it to rounding over 1e-8.
-SAME = 1e-8
+# Largest difference of commands, m; 1.4e-11 was seen with all faults. The weight that holds on to the last target, 3e-4
+# of the easiest direction's, leaves rounding over that in the inputs of the weakest.
+SAME = 1e-9
 RATE = 2.0
 
 
