@@ -8,6 +8,7 @@ gain, never formed, is a fast Fourier transform, n/2 + 1 products of sector size
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import overload
@@ -22,6 +23,7 @@ from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import optimal
 from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.harmonic_kalman import harmonic_white_forces
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR, sampled_design
 from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, name_lost, poles_of, residual_of, stable
@@ -103,6 +105,22 @@ class HarmonicLQR(Memoryless):
         """From what disturbs the plant's inputs to these, in continuous time."""
         parts = zip(self.linear.blocks, self.K, strict=True)
         return HarmonicSensitivity(self.linear, tuple(Sensitivity(b.A - b.B @ K, b.B, -K, None) for b, K in parts))
+
+    def expected_cost(self, force_noise: float | Mapping[str, float] = 0.1) -> float:
+        """Cost rate that white forces keep up, tr(P W): the square of the loop's H2 norm.
+
+        Parameters
+        ----------
+        force_noise : N s^1/2
+            Root of the intensity of white forces on the free nodes in each direction, as `harmonic_lqg` takes it.
+
+        Raises
+        ------
+        SynthesisError
+            A negative intensity, or images with different ones.
+        """
+        parts = zip(self.linear.blocks, self.P, harmonic_white_forces(self.linear, force_noise), strict=True)
+        return float(sum(block.copies * np.real(np.trace(P @ W)) for block, P, W in parts))
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:

@@ -7,7 +7,7 @@ Rest lengths ramp to each command within a period, and the cost is the integral 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,12 +20,13 @@ from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import Optimum, optimal
 from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.harmonic_kalman import harmonic_white_forces
 from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.margins import Sensitivity
-from tensctl.synthesis.over_period import ramped_cost
+from tensctl.synthesis.over_period import integral, ramped_cost
 from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
@@ -104,6 +105,25 @@ class HarmonicSampledLQR(Memoryless):
         return HarmonicSensitivity(
             self.linear, tuple(Sensitivity(loop, own.with_input_state()[1], -K, own.dt) for own, loop, K in parts)
         )
+
+    def expected_cost(self, force_noise: float | Mapping[str, float] = 0.1) -> float:
+        """Cost of a period that white forces keep up, tr(P W_dt): the square of the sampled loop's H2 norm.
+
+        Parameters
+        ----------
+        force_noise : N s^1/2
+            Root of the intensity of white forces on the free nodes in each direction, as `harmonic_lqg` takes it.
+
+        Raises
+        ------
+        SynthesisError
+            A negative intensity, or images with different ones.
+        """
+        total, forces = 0.0, harmonic_white_forces(self.linear, force_noise)
+        for block, P, W in zip(self.linear.blocks, self.P, forces, strict=True):
+            left = integral(block.A.conj().T, W, self.dt)[1]
+            total += block.copies * float(np.real(np.trace(P[: block.nx, : block.nx] @ left)))
+        return total
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:

@@ -9,6 +9,7 @@ would store: both in J. A mode that is neither damped nor driven is refused by n
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import overload
@@ -22,6 +23,7 @@ from tensctl.synthesis.checked import checked_cost
 from tensctl.synthesis.crossed import optimal, residual
 from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.kalman import white_forces
 from tensctl.synthesis.lqr_sampled import SampledLQR, sampled_lqr
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.stabilisable import LeftOut, stabilisable
@@ -98,6 +100,21 @@ class LQR(Memoryless):
         """From what disturbs the plant's inputs to these, in continuous time."""
         T = self.basis
         return Sensitivity(T.T @ (self.A - self.B @ self.K) @ T, T.T @ self.B, -self.K @ T, None)
+
+    def expected_cost(self, force_noise: float | Mapping[str, float] = 0.1) -> float:
+        """Cost rate that white forces keep up, tr(P W): the square of the loop's H2 norm.
+
+        Parameters
+        ----------
+        force_noise : N s^1/2
+            Root of the intensity of white forces on the free nodes in each direction, as `lqg` takes it.
+
+        Raises
+        ------
+        SynthesisError
+            A negative intensity.
+        """
+        return float(np.trace(self.P @ white_forces(self.linear, force_noise)))
 
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""

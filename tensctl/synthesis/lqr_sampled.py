@@ -8,6 +8,7 @@ runs: a command counts when the ramp reaches it, one period after the sample.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,8 +20,9 @@ from tensctl.linear import LinearModel, Sampled, sample_ramped
 from tensctl.synthesis.crossed import optimal, residual
 from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.kalman import white_forces
 from tensctl.synthesis.margins import Sensitivity
-from tensctl.synthesis.over_period import ramped_cost
+from tensctl.synthesis.over_period import integral, ramped_cost
 from tensctl.synthesis.stabilisable import LeftOut, Part
 from tensctl.synthesis.unseen import check_seen
 from tensctl.synthesis.weights import Cost
@@ -96,6 +98,25 @@ class SampledLQR(Memoryless):
         A, B = self.sampled.with_input_state()
         T = self.basis
         return Sensitivity(T.T @ (A - B @ self.K) @ T, T.T @ B, -self.K @ T, self.dt)
+
+    def expected_cost(self, force_noise: float | Mapping[str, float] = 0.1) -> float:
+        """Cost of a period that white forces keep up, tr(P W_dt): the square of the sampled loop's H2 norm.
+
+        Parameters
+        ----------
+        force_noise : N s^1/2
+            Root of the intensity of white forces on the free nodes in each direction, as `lqg` takes it.
+
+        Raises
+        ------
+        SynthesisError
+            A negative intensity.
+        """
+        nx, nu = self.linear.B.shape
+        x = self.basis[:nx, : self.basis.shape[1] - nu]
+        W = x.T @ white_forces(self.linear, force_noise) @ x
+        left = integral((x.T @ self.linear.A @ x).T, W, self.dt)[1]
+        return float(np.trace(x.T @ self.P[:nx, :nx] @ x @ left))
 
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""
