@@ -5,7 +5,7 @@ import pytest
 from support import order_of, prism_scene, replaced, shell_scene
 
 import tensctl as tc
-from tensctl.synthesis import shell_height
+from tensctl.synthesis import shape, shell_height
 
 SCENE = shell_scene(pins=["P1_*_1"], target={"height_scale": 1.2, "start": 0.5, "duration": 3.0})
 FLOORS = {"no floor acts": 0.1, "floors act": 3.0}
@@ -178,6 +178,18 @@ class TestRefusals:
         wrong = replaced(last, rest_lengths=last.rest_lengths * np.linspace(1, 1.001, 24))
         with pytest.raises(tc.EquilibriumError, match="the nodes are no equilibrium"):
             replaced(path, equilibria=(*path.equilibria[:-1], wrong)).verify()
+
+
+def test_few_steps_lead_to_a_far_shape(monkeypatch):
+    """Curvature is learned: without it the last shape of this crouch is not found in 200 steps."""
+    monkeypatch.setattr(shape, "_STEPS", 40)
+    path = tc.plan_shape(SCENE, 0.3, tension_min=0.1)
+    assert mean_height(path.target) == pytest.approx(0.3 * mean_height(path.equilibria[0]), rel=1e-10)
+    path.verify(0.1)
+    at_floor = np.flatnonzero(loose(path.target) & (path.target.tensions < 0.1 + 1e-6))
+    slopes = gradients(path.target, at_floor)
+    multipliers, *_ = np.linalg.lstsq(slopes, path.target.inputs, rcond=None)
+    assert np.abs(path.target.inputs - slopes @ multipliers).max() < 1e-4 * np.abs(path.target.inputs).max()
 
 
 def test_free_shell_and_shorter_shape():

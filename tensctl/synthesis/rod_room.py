@@ -6,7 +6,7 @@ room    d_ab - clearance >= 0,   rows for pairs that one step could bring togeth
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from tensctl.elements import RodGaps, rod_gaps
 from tensctl.statics import Equilibrium
@@ -27,13 +27,19 @@ def missing(now: Equilibrium, clearance: Float[np.ndarray, " pairs"]) -> float:
     return float((clearance - gaps_of(now).distance).max(initial=0.0))
 
 
+def near_pairs(now: Equilibrium, clearance: Float[np.ndarray, " pairs"]) -> Int[np.ndarray, " r"]:
+    """Pairs that one step could bring together; none without a clearance."""
+    if not clearance.size:
+        return np.zeros(0, int)
+    return np.flatnonzero(gaps_of(now).distance < clearance + _SOON * now.structure.rod_lengths.mean())
+
+
 def rows(
-    now: Equilibrium, reach: Float[np.ndarray, "size nu"], clearance: Float[np.ndarray, " pairs"]
+    now: Equilibrium, reach: Float[np.ndarray, "size nu"], pairs: Int[np.ndarray, " r"]
 ) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r nu"]]:
-    """Room of near pairs, m, and its growth per unit of rest-length shortening."""
+    """Distances of some pairs, m, and their growth per unit of rest-length shortening."""
     gaps = gaps_of(now)
-    near = np.flatnonzero(gaps.distance < clearance + _SOON * now.structure.rod_lengths.mean())
-    return gaps.distance[near] - clearance[near], gaps.slope(near, len(now.nodes)) @ (now.point.tangent @ reach)
+    return gaps.distance[pairs], gaps.slope(pairs, len(now.nodes)) @ (now.point.tangent @ reach)
 
 
 def nearest(now: Equilibrium) -> tuple[float, str]:

@@ -4,9 +4,10 @@
                                   lower <= u <= upper,   d(p(u)) >= clearance (each pair of rods, where asked for)
 
 p(u) is the equilibrium itself, so every iterate balances. Sequential quadratic programming with the exact static
-influence dp/du = J Phi diag(1/omega^2) Phi'G: constraints converge as Newton does, the minimum linearly. The curvature
-of h is not in the quadratic model; where it makes the iterates swing from side to side, a proximal term
-sigma |u - u_now|^2 is added, which moves neither the constraints nor the minimum.
+influence dp/du = J Phi diag(1/omega^2) Phi'G; the curvature of the Lagrangian is learned from step to step (BFGS), so
+that constraints converge as Newton does and the minimum nearly so. A step is taken when it lowers the misfit of the
+constraints, or |u|^2/2 by more than what the misfit that it adds costs at the multipliers; else it is cut, with the
+same aim.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from tensctl.statics import Equilibrium, settle
 from tensctl.synthesis.input_limits import input_reach
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
-from tensctl.synthesis.rod_room import at_clearance, missing, rows
+from tensctl.synthesis.rod_room import at_clearance, missing, near_pairs, rows
 from tensctl.synthesis.shape_limits import Asked, ShapeLimits
 from tensctl.synthesis.target import Feature, levers
 from tensctl.synthesis.tension_room import room, room_slope
@@ -35,6 +36,12 @@ _CHANGE = 1e-6
 _NO_CHANGE = 1e-3
 # Misfits smaller than this part of the size may grow a little from step to step.
 _NEAR = 1e-6
+# What a metre of misfit costs, over the sum of all multipliers: more than 1, so that no misfit pays.
+_DEARER = 1.2
+# A step along which the curvature falls below this part of what was learned unlearns all: there least change is none.
+_DAMPED = 0.2
+# Curvatures farther apart than this are forgotten: what was learned far away holds no longer.
+_SPREAD = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,23 +72,26 @@ class ShapeProblem:
         """
         if not start.inputs.size:
             raise SynthesisError("no tendon has an actuator that moves anything, so no other shape can be made.")
-        now, limit, sigma, before = start, self._reach(start), 0.0, np.zeros_like(start.inputs)
-        influence = static_influence(start)
+        now, limit, curvature = start, self._reach(start), np.eye(start.inputs.size)
+        influence, pairs = static_influence(now), near_pairs(now, self.limits.clearance)
+        aim, prices = self._next(now, wanted, influence, pairs, curvature)
         for _ in range(_STEPS):
-            step = self._next_inputs(now, influence, wanted, sigma) - now.inputs
+            step = aim - now.inputs
             step *= min(1.0, limit / max(np.abs(step).max(initial=0.0), 1e-300))
             following = _settled(now, now.inputs + step, influence @ step)
-            if following is None or self._misfit(following, wanted) > self._misfit(now, wanted) + _NEAR * _size(now):
+            if following is None or self._worse(following, now, wanted, _DEARER * np.abs(prices).sum()):
                 limit = 0.25 * np.abs(step).max()
                 continue
             limit = min(2 * limit, self._reach(now))
-            if step @ before < 0 and np.linalg.norm(step) > 0.3 * np.linalg.norm(before):
-                sigma = 2 * sigma + 0.5
-            now, before = following, step
+            before = self._linearised(now, influence, pairs)[1]
+            now, influence = following, static_influence(following)
             met = np.abs(self._error(now, wanted)).max() <= _MET * _size(now)
             if met and np.abs(step).max() <= _CHANGE * max(np.abs(now.inputs).max(), _NO_CHANGE * _size(now)):
                 return now
-            influence = static_influence(now)
+            after = self._linearised(now, influence, pairs)[1]
+            curvature = _learned(curvature, step, step + prices @ (after - before))
+            pairs = near_pairs(now, self.limits.clearance)
+            aim, prices = self._next(now, wanted, influence, pairs, curvature)
         raise SynthesisError(
             f"no rest lengths were found for {self._said(wanted)} with {self.asked.said(now)}; "
             f"the last try has {self._said(self._values(now))}; {self.asked.remedy(now)}."
@@ -118,6 +128,12 @@ class ShapeProblem:
         """Largest change of one rest length in one iteration, m: a tenth of the shortest."""
         return 0.1 * float(start.rest_lengths.min())
 
+    def _worse(self, following: Equilibrium, now: Equilibrium, wanted: np.ndarray, price: float) -> bool:
+        """Whether a step is none to take: it raises the misfit, and by more than the change that it saves is worth."""
+        before, after = self._misfit(now, wanted), self._misfit(following, wanted)
+        saved = (now.inputs @ now.inputs - following.inputs @ following.inputs) / 2
+        return bool(after > max(before, _NEAR * _size(now)) and price * (after - before) > saved)
+
     def _misfit(self, now: Equilibrium, wanted: np.ndarray) -> float:
         """Errors of the features plus the worst missing room of a tension and of rods, m: what a step may not raise."""
         limits = self.limits
@@ -126,35 +142,46 @@ class ShapeProblem:
             lacking += missing(now, limits.clearance)
         return float(np.abs(self._error(now, wanted)).sum() + lacking)
 
-    def _room(self, now: Equilibrium, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Room of tensions and rods, (r,) m, and its growth per unit of rest-length shortening, (r, nu)."""
+    def _linearised(self, now: Equilibrium, reach: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Features, rooms of tensions and of some pairs of rods: values beyond what is wanted, and gradients by u."""
         limits = self.limits
+        slopes = np.stack([feature.lever * feature.slope(now.nodes).ravel() for feature in self.features])
         left = room(now, limits.tension_min, limits.tension_max)
         slope = room_slope(now, reach, limits.tension_min, limits.tension_max)
-        if not limits.clearance.size:
-            return left, slope
-        apart, opening = rows(now, reach, limits.clearance)
-        return np.concatenate([left, apart]), np.vstack([slope, opening])
+        apart, opening = rows(now, reach, pairs) if pairs.size else (np.zeros(0), np.zeros((0, now.inputs.size)))
+        values = np.concatenate([left, apart - limits.clearance[pairs]])
+        return values, np.vstack([slopes @ (now.point.tangent @ reach), slope, opening])
 
-    def _next_inputs(self, now: Equilibrium, reach: np.ndarray, wanted: np.ndarray, sigma: float) -> np.ndarray:
-        slopes = np.stack([feature.lever * feature.slope(now.nodes).ravel() for feature in self.features])
-        rise = slopes @ (now.point.tangent @ reach)
-        left, slope = self._room(now, reach)
-        u = now.inputs
-        least = slope @ u - left
-        target = rise @ u - self._error(now, wanted)
+    def _next(
+        self, now: Equilibrium, wanted: np.ndarray, reach: np.ndarray, pairs: np.ndarray, curvature: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Inputs of least |u| by the quadratic model, and the prices of its rows."""
+        left, A = self._linearised(now, reach, pairs)
+        u, error = now.inputs, self._error(now, wanted)
+        passed = A @ u - np.concatenate([error, left])
         qp = QP(
-            H=(1 + sigma) * np.eye(u.size), f=-sigma * u, A=np.vstack([rise, slope]),
-            lower=np.concatenate([self.limits.lower, target, least]),
-            upper=np.concatenate([self.limits.upper, target, np.full(least.size, np.inf)]),
+            H=curvature, f=u - curvature @ u, A=A,
+            lower=np.concatenate([self.limits.lower, passed]),
+            upper=np.concatenate([self.limits.upper, passed[: error.size], np.full(left.size, np.inf)]),
         )  # fmt: skip
         solution = DaqpSolver(qp).solve(qp)
-        if solution.z is None:
+        if solution.z is None or solution.y is None:
             raise SynthesisError(
                 f"no small rest-length change leads from {self._said(self._values(now))} towards "
                 f"{self._said(wanted)} with {self.asked.said(now)}; {self.asked.remedy(now)}."
             )
-        return solution.z
+        return solution.z, solution.y[u.size :]
+
+
+def _learned(curvature: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The curvature of the Lagrangian after a step and the change of its gradient: BFGS, anew where it bends down."""
+    bent = curvature @ step
+    size = step @ bent
+    if not step @ change > _DAMPED * size:
+        return np.eye(step.size)
+    learned = curvature - np.outer(bent, bent) / size + np.outer(change, change) / (step @ change)
+    spread = np.linalg.eigvalsh(learned)
+    return learned if spread[0] * _SPREAD > spread[-1] else np.eye(step.size)
 
 
 def _size(now: Equilibrium) -> float:
