@@ -133,6 +133,8 @@ class MPC:
         refuse_beyond(self.reference, self.linear.inputs, self.hard.range)
         for knot in range(len(self.reference.equilibria)):
             self._piece(knot)
+        rest = self.linear.equilibrium
+        self.linear.state_of(rest.nodes, 0 * rest.nodes)  # no control step should wait for the kernel
 
     def reset(self) -> None:
         """Forget the last plan and the records."""

@@ -31,10 +31,11 @@ from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.nonlinear_problem import Bounds, Measure, gauss_newton
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_anew import answer
+from tensctl.synthesis.qp_primal import PrimalSolver
 from tensctl.synthesis.reference import Hold, Reference, refuse_beyond
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import below_sampling_limit
-from tensctl.synthesis.seen import known_inputs, seen
+from tensctl.synthesis.seen import Seen, known_inputs, seen
 from tensctl.synthesis.step_record import StepRecord, told
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
@@ -112,6 +113,7 @@ class NonlinearMPC:
         self.records: list[NonlinearRecord] = []
         for knot in range(len(self.reference.equilibria)):
             self._measure(knot)
+        self._rehearse()
 
     def reset(self) -> None:
         """Forget the last plan and the records."""
@@ -226,6 +228,12 @@ class NonlinearMPC:
         for k, u in enumerate(plan):
             now = kept[k] = self.hard.kept(u, now)
         return kept
+
+    def _rehearse(self) -> None:
+        """State a problem at the reference's start and set up who is asked for it: no step waits for a kernel."""
+        start, nodes = self._ahead(0.0), self.reference.nodes_at(0.0)
+        qp = self.statement(0.0, Seen(nodes, 0 * nodes, start[0]), start)
+        PrimalSolver(qp.H, qp.A, self.horizon, soft=True)
 
     @property
     def bounded(self) -> int:
