@@ -79,6 +79,10 @@ def check(scene: SceneFile, /) -> None:
     from tensctl.structure import build_members, build_structure
 
     structure = build_structure(asked)
+    if asked.mpc is not None:
+        from tensctl.pipeline.feedback import check_mpc
+
+        check_mpc(asked, structure)
     counts = {
         "nodes": len(structure.nodes),
         "rods": len(structure.rods),

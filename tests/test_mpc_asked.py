@@ -1,6 +1,7 @@
 """What [mpc] of a scene asks for: largest changes of rest lengths, and weights by the size of outputs."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from support import shell_scene, solved
 from test_mpc import Overheard, Rough, keeps_hard_limits
 
 import tensctl as tc
+from tensctl.cli import main
 from tensctl.pipeline.feedback import mpc_weights
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_daqp import DaqpSolver
@@ -140,3 +142,46 @@ def written(folder, scene):
     path = folder / "scene.toml"
     path.write_text(scene.to_toml(), encoding="utf-8")
     return path
+
+
+class TestLabels:
+    """What [mpc] names is there before anything is computed."""
+
+    @pytest.mark.parametrize(
+        ("asked", "sentence"),
+        [
+            (
+                {"follow": [COURSE | {"output": "P9_1_1_x"}]},
+                'mpc.follow[0].output is "P9_1_1_x"; expected the label of',
+            ),
+            ({"feedback": "outputs", "track": ["q_*"]}, 'mpc.track: "q_*" names nothing in this structure'),
+        ],
+    )
+    def test_check_and_run_refuse_what_names_nothing(self, tmp_path, capsys, asked, sentence):
+        target = {"height_scale": 1.05}
+        scene = shell_scene(**MAST, sensors={"lengths": 1e-4}, mpc=asked, target=target)
+        path = written(tmp_path, scene)
+        assert main(["check", str(path)]) == 2
+        assert sentence in capsys.readouterr().err
+        with pytest.raises(tc.TensctlError, match=re.escape(sentence)):
+            tc.run(scene, tmp_path / "out")
+
+    def test_times_that_descend_are_no_course(self):
+        with pytest.raises(tc.SceneError, match=r"mpc.follow\[0\].times is \[1.0, 0.0\]; expected times that ascend"):
+            shell_scene(**MAST, mpc={"follow": [COURSE | {"times": [1.0, 0.0]}]})
+
+    def test_a_followed_output_has_its_own_size(self, mast):
+        """Its node's other coordinates keep theirs, and so do other tensions."""
+        from tensctl.scene import MpcStage
+
+        tension = COURSE | {"output": "T_t5_1_1", "size": 0.01}
+        asked = MpcStage(nodes={"P4_1_1": 0.05}, tensions={"t5_*": 2.0}, follow=[COURSE, tension])
+        weighed = mpc_weights(asked, mast[0].structure).of_outputs(mast[2])
+        sizes = dict(zip(weighed.linear.outputs, weighed.sizes.tolist(), strict=True))
+        assert {k: v for k, v in sizes.items() if k.startswith("P")} == {
+            "P4_1_1_x": 0.001, "P4_1_1_y": 0.05, "P4_1_1_z": 0.05,
+        }  # fmt: skip
+        tensions = {k: v for k, v in sizes.items() if k.startswith("T")}
+        assert tensions.pop("T_t5_1_1") == 0.01
+        assert len(tensions) == 2
+        assert set(tensions.values()) == {2.0}

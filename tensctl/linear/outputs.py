@@ -85,14 +85,18 @@ def safe_label(label: str) -> str:
     return label.replace(".", "_")
 
 
+def signal_labels(structure: Structure) -> list[str]:
+    """Labels of the raw signals (p, p', l, T): nodes' coordinates and rates, lengths, tensions."""
+    tendons = [safe_label(label) for label in structure.tendon_labels]
+    axes = [f"{safe_label(label)}_{axis}" for label in structure.node_labels for axis in "xyz"]
+    return [*axes, *(f"v_{a}" for a in axes), *(f"l_{t}" for t in tendons), *(f"T_{t}" for t in tendons)]
+
+
 class _Names:
     """Labels of the raw signals, and the weights that choose among them."""
 
     def __init__(self, structure: Structure) -> None:
-        nodes = [safe_label(label) for label in structure.node_labels]
-        tendons = [safe_label(label) for label in structure.tendon_labels]
-        axes = [f"{label}_{axis}" for label in nodes for axis in "xyz"]
-        self.labels = [*axes, *(f"v_{a}" for a in axes), *(f"l_{t}" for t in tendons), *(f"T_{t}" for t in tendons)]
+        self.labels = signal_labels(structure)
         self._members = [label for label in structure.node_labels for _ in "xyz"], list(structure.tendon_labels)
         self._moving = np.flatnonzero(structure.free)
 

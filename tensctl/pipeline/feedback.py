@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from tensctl.analysis.scaling import input_stiffness
+from tensctl.errors import SceneError
 from tensctl.linear import HarmonicModel, LinearModel
-from tensctl.linear.outputs import Mix, Output, safe_label
+from tensctl.linear.outputs import Mix, Output, safe_label, signal_labels
 from tensctl.model import Dynamics
-from tensctl.scene import LqgStage, LqrStage, MpcStage, SensorsStage
+from tensctl.scene import LqgStage, LqrStage, MpcStage, Scene, SensorsStage
 from tensctl.statics import Equilibrium
 from tensctl.structure import Structure
-from tensctl.structure.labels import by_label
+from tensctl.structure.labels import by_label, matches
 from tensctl.synthesis import (
     LQG,
     LQR,
@@ -124,17 +125,47 @@ def _common(asked: MpcStage, linear: LinearModel) -> dict[str, Any]:
     }
 
 
+def check_mpc(scene: Scene, structure: Structure) -> None:
+    """Check the labels that `[mpc]` names, before anything is computed.
+
+    Raises
+    ------
+    SceneError, StructureError, SynthesisError
+        With the label that names nothing.
+    """
+    asked = scene.mpc
+    if asked is None:
+        return
+    for k, request in enumerate(asked.follow):
+        if safe_label(request.output) not in signal_labels(structure):
+            raise SceneError(
+                f'mpc.follow[{k}].output is "{request.output}"; expected the label of an output, like P4_1_1_x, '
+                "l_t5_1_1 or T_t5_1_1."
+            )
+    if asked.feedback == "outputs" and scene.sensors is not None:
+        seen = scene.sensors
+        labels = sensors(structure, lengths=seen.lengths, tensions=seen.tensions, nodes=seen.nodes).labels
+        for pattern in asked.track:
+            matches(labels, pattern, "mpc.track")
+
+
 def mpc_weights(asked: MpcStage, structure: Structure) -> Weights:
-    """Energies by their weights, every node and tendon that has a size by itself, and what follows a course."""
+    """Energies by their weights, nodes and tensions that have a size, and what follows a course, by its own size."""
     outputs: dict[Output, float] = {}
-    for kind, labels, sizes, there in (
-        ("nodes", structure.node_labels, asked.nodes, structure.free.any(axis=1)),
-        ("tensions", structure.tendon_labels, asked.tensions, ~structure.grounded_tendons),
-    ):
-        if sizes is not None:
-            size = by_label(labels, sizes, f"mpc.{kind}", np.inf)
-            named = np.flatnonzero(np.isfinite(size) & there)
-            outputs |= {f"{kind}:{labels[k]}": float(size[k]) for k in named}
+    followed = {safe_label(request.output) for request in asked.follow}
+    if asked.nodes is not None:
+        size = by_label(structure.node_labels, asked.nodes, "mpc.nodes", np.inf)
+        for k in np.flatnonzero(np.isfinite(size) & structure.free.any(axis=1)):
+            label, axes = structure.node_labels[k], np.array(list("xyz"))[structure.free[k]]
+            left = [f"{safe_label(label)}_{axis}" for axis in axes if f"{safe_label(label)}_{axis}" not in followed]
+            names = [label] if len(left) == len(axes) else left
+            outputs |= {f"nodes:{name}": float(size[k]) for name in names}
+    if asked.tensions is not None:
+        size = by_label(structure.tendon_labels, asked.tensions, "mpc.tensions", np.inf)
+        for k in np.flatnonzero(np.isfinite(size) & ~structure.grounded_tendons):
+            label = structure.tendon_labels[k]
+            if f"T_{safe_label(label)}" not in followed:
+                outputs[f"tensions:{label}"] = float(size[k])
     for request in asked.follow:
         outputs[Mix({request.output: {request.output: 1.0}})] = request.size
     return Weights(asked.energy_weight, asked.input_weight, outputs, asked.rest_lengths)

@@ -164,6 +164,10 @@ def _compute(scene: Scene, clock: Clock) -> Results:
     with clock.stage("equilibrium"):
         equilibrium = _held(find_equilibrium(scene), scene)
     results = Results(scene, equilibrium)
+    if scene.mpc is not None:
+        from tensctl.pipeline.feedback import check_mpc
+
+        check_mpc(scene, equilibrium.structure)
     for asked, stage in (
         (_needs_linear(scene) or scene.simulation is not None or scene.target is not None, _model),
         (_needs_linear(scene), _linearize),

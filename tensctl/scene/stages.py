@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -136,6 +137,8 @@ class FollowRequest(Section):
             raise complaint(
                 f"is {shown(self.change)}; expected one number for each of {len(self.times)} times", "change"
             )
+        if any(later <= earlier for earlier, later in pairwise(self.times)):
+            raise complaint(f"is {shown(self.times)}; expected times that ascend, each after the last", "times")
         return self
 
 
