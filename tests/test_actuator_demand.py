@@ -308,3 +308,13 @@ class TestTold:
         idle = tc.simulate(bare, bare.structure.nodes, t_end=0.01)
         with pytest.raises(tc.SimulationError, match="nothing is asked of any"):
             tc.actuator_demand(idle, bare)
+
+
+def test_the_report_of_a_plan_draws_force_speed_and_power(tmp_path):
+    """A scene with a target and no run: one figure each, and the peaks in the table."""
+    scene = shell_scene(pins=["P1_*_1"], equilibrium={}, target={"height_scale": 1.05, "duration": 3.0}, report={})
+    tc.run(scene, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text()
+    for name in ("Force", "Speed", "Power"):
+        assert page.count(f"{name} of every actuator over time") == 1
+    assert "Controllability: least gain of a mode over the largest" in page

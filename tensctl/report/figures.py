@@ -45,6 +45,8 @@ class Figures:
     lqg_poles: Plot | None
     solve_times: Plot | None
     kkt: Plot | None
+    force: Plot | None
+    speed: Plot | None
     power: Plot | None
     wanted: tuple[Plot, ...]
     plane: Plot | None
@@ -77,6 +79,8 @@ def draw_figures(case: Case, motion: Motion) -> Figures:
         lqg_poles=plot_poles.poles(case.lqg, case.linear, "LQG"),
         solve_times=plot_solver.solve_times(case.run, None if case.mpc_check is None else case.mpc_check.dt),
         kkt=plot_solver.kkt_residuals(case.run),
+        force=plot_demand.force(case),
+        speed=plot_demand.speed(case),
         power=plot_demand.power(case),
         wanted=plot_path.wanted(case),
         plane=plot_path.plane(case),

@@ -65,7 +65,10 @@ def margins(case: Case) -> tuple[Plot, ...]:
     if np.isfinite(survey.of("clearance")).all():
         found.append(_along(survey.time, "clearance", "Least distance of two rods, m", survey.of("clearance")))
     found += [_along(survey.time, name, title, survey.of(name)) for name, title in shown]
-    return (*found, _along(survey.time, "drive", "Least gain of a mode over the largest", survey.of("drive")))
+    return (
+        *found,
+        _along(survey.time, "drive", "Controllability: least gain of a mode over the largest", survey.of("drive")),
+    )
 
 
 def _tension(case: Case) -> Plot:
