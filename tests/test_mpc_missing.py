@@ -118,3 +118,21 @@ class TestFloors:
         actuators.command(mast[1].inputs, 0.02)
         actuators.advance(np.array([0.02]))
         assert np.abs(actuators.rest - start)[members.inputs] == pytest.approx(2e-5, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["linear", "nonlinear"])
+def test_a_memory_of_another_controller_is_refused(mast, kind):
+    """That of an LQG, and that of another horizon; the controller then remembers what it did before."""
+    make = {
+        "linear": lambda n: tc.MPC(mast[2], horizon=n),
+        "nonlinear": lambda n: tc.NonlinearMPC(*mast[:2], horizon=n),
+    }
+    controller, other = make[kind](HORIZON), make[kind](HORIZON + 1)
+    other.step(0.0, None)
+    controller.step(0.0, None)
+    before = controller.state()["plan"]
+    with pytest.raises(tc.SynthesisError, match=r"the memory holds estimate, inputs; a plan of shape"):
+        controller.restore({"estimate": np.zeros(42), "inputs": np.zeros(21)})
+    with pytest.raises(tc.SynthesisError, match="so restore what state"):
+        controller.restore(other.state())
+    assert controller.state()["plan"] is before

@@ -243,6 +243,7 @@ MISTAKES = {
         "tendons t and u join the same two nodes; give one tendon with the sum of both stiffnesses",
     ),
     "loop": (network(tendons={"t": ["a", "a"]}), "tendon t starts and ends at a; give two different nodes"),
+    "no rod": (network(rods={}, pins=["*"]), "the structure has no rod, so nothing in it moves"),
     "massless node": (network(nodes=TWO | {"e": [1, 1, 1]}), "node e belongs to no rod and is not pinned"),
     "no length": (network(nodes=TWO | {"b": [0, 0, 0]}), "rod r has length 0 m between a and b"),
     "twice in a row": (network(tendons={"t": ["a", "c", "c"]}), "tendon t passes node c twice in a row; name it once"),

@@ -188,6 +188,8 @@ def _check_finite(structure: Structure) -> None:
 
 
 def _check_rods(structure: Structure) -> None:
+    if not len(structure.rods):
+        raise StructureError("the structure has no rod, so nothing in it moves; give at least one.")
     size = np.ptp(structure.nodes, axis=0).max(initial=0.0)
     for label, (a, b), length in zip(structure.rod_labels, structure.rods, structure.rod_lengths, strict=True):
         if not length > 1e-12 * size:

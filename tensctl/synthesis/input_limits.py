@@ -6,6 +6,7 @@ lower <= u <= upper   rest lengths keep their floors and change by at most u_max
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,3 +86,23 @@ def check_asked(tension_min: float, delay: float, dt: float) -> None:
         raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
     if delay > dt:
         raise SynthesisError(f"mpc.delay is {delay} s; a time from 0 to dt = {dt:g} s is expected.")
+
+
+def plan_of(state: Mapping[str, np.ndarray], horizon: int, inputs: int) -> Float[np.ndarray, "N nu"] | None:
+    """The plan that a predictive controller remembers, m; None before its first step, when it remembers nothing.
+
+    Raises
+    ------
+    SynthesisError
+        A memory of another controller.
+    """
+    if not state:
+        return None
+    plan = state.get("plan")
+    if plan is None or plan.shape != (horizon, inputs):
+        given = ", ".join(sorted(state)) if plan is None else f"a plan of shape {plan.shape}"
+        raise SynthesisError(
+            f"the memory holds {given}; a plan of shape {(horizon, inputs)} is expected, so restore what state() of a "
+            "controller with the same settings gave."
+        )
+    return plan

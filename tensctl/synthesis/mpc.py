@@ -22,7 +22,7 @@ from tensctl.linear import LinearModel, linearize
 from tensctl.model.tensions import tensions_at
 from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, condense
-from tensctl.synthesis.input_limits import InputLimits, check_asked
+from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
 from tensctl.synthesis.limits import Ahead, Limits
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.mpc_weights import Weights
@@ -147,9 +147,16 @@ class MPC:
         return {name: value for name, value in held.items() if value is not None}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from the last plan; records begin anew."""
+        """Go on from the last plan; records begin anew.
+
+        Raises
+        ------
+        SynthesisError
+            What is no memory of such a controller.
+        """
+        plan = plan_of(state, self.horizon, len(self.linear.inputs))
         self.reset()
-        self._plan, self._command, self._predicted = (state.get(name) for name in ("plan", "command", "predicted"))
+        self._plan, self._command, self._predicted = plan, state.get("command"), state.get("predicted")
 
     @property
     def problem(self) -> Condensed:

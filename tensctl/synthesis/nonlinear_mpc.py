@@ -26,7 +26,7 @@ from tensctl.model import Dynamics
 from tensctl.scene import MpcStage
 from tensctl.statics import Equilibrium
 from tensctl.synthesis.feedback import Measured
-from tensctl.synthesis.input_limits import InputLimits, check_asked
+from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.nonlinear_problem import Bounds, Measure, gauss_newton
 from tensctl.synthesis.qp import QP
@@ -125,9 +125,16 @@ class NonlinearMPC:
         return {} if self._plan is None else {"plan": self._plan}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from the last plan; records begin anew."""
+        """Go on from the last plan; records begin anew.
+
+        Raises
+        ------
+        SynthesisError
+            What is no memory of such a controller.
+        """
+        plan = plan_of(state, self.horizon, self.dynamics.members.gearing.size)
         self.reset()
-        self._plan = state.get("plan")
+        self._plan = plan
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured | None) -> Float[np.ndarray, " nu"]:
