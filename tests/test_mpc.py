@@ -126,6 +126,7 @@ class TestOptimum:
             assert len(set(order)) == len(order)
         name, why = first_choice(20, 24, 48)
         assert name == "dual"
+        assert first_choice(10, 304, 628)[0] == "dual"
         assert first_choice(20, 304, 1000)[0] == "daqp"
         assert "0.92 million" in why
 

@@ -31,6 +31,8 @@ _NO_MOVE = 1e-10
 _DRIFT = 1e-8
 # Steps of no length in a row, beyond the entries of the basis, after which it goes in circles.
 _CIRCLES = 50
+# Limits that are met within this part of the largest range of a rate are met at once.
+_TIED = 1e-13
 # A value this close to its limit, over the largest range of a rate, is at it.
 _AT_LIMIT = 1e-8
 
@@ -107,7 +109,9 @@ def search(
         fraction, place, row, way = 1.0, -1, -1, 0
         if far > 1e-13 * reach:
             _along(form, basis, m, sol, d_slope, d_values)
-            fraction, place, row, way = _first_limit(form, step, point, basis, m, sol, far, d_values)
+            fraction, place, row, way = _first_limit(
+                form, step, point, basis, m, sol, far, reach, d_values
+            )  # fmt: skip
             for k in range(m):
                 if basis.entries[k] < size:
                     point.x[basis.entries[k]] += fraction * sol[k]
@@ -131,7 +135,7 @@ def search(
                 point.row_side[row] = HELD
             continue
         if place >= 0:
-            _settle(step, point, basis.entries[place], way)
+            _settle(form, step, point, basis.entries[place], way)
             leave(basis, m, place)
             m -= 1
             continue
@@ -313,46 +317,68 @@ def _along(form: Form, basis: Basis, m: int, sol: np.ndarray, d_slope: np.ndarra
 
 @jit
 def _first_limit(
-    form: Form, step: Step, point: Point, basis: Basis, m: int, sol: np.ndarray, far: float, d_values: np.ndarray
-) -> tuple[float, int, int, int]:
-    """Fraction of the way to the first limit, the place in the basis or the row that meets it, and its side."""
+    form: Form, step: Step, point: Point, basis: Basis, m: int, sol: np.ndarray, far: float, reach: float,
+    d_values: np.ndarray,
+) -> tuple[float, int, int, int]:  # fmt: skip
+    """Fraction of the way to the first limit, the place in the basis or the row that meets it, and its side.
+
+    Of limits that are met within a tolerance of each other the one that is met fastest is taken: its pivot is largest.
+    """
     n, r = form.by_rate.shape
-    fraction, place, row, way = 1.0, -1, -1, 0
-    still = _NO_MOVE * far
-    for k in range(m):
-        e, d = basis.entries[k], sol[k]
-        if e >= n + form.stages or abs(d) <= still:
-            continue
-        own = form.G[e, e] if e < n else form.curvature
-        if basis.inverse[k, k] * own * _FIXED < 1.0:
-            continue
-        if d < 0.0:
-            part = ((step.lower[e] if e < n else 0.0) - point.x[e]) / d
-        elif e < n:
-            part = (step.upper[e] - point.x[e]) / d
-        else:
-            continue
-        if part < fraction:
-            fraction, place, way = part, k, LOWER if d < 0.0 else UPPER
-    for i in range(r + n):
-        d = d_values[i]
-        if point.row_side[i] != 0 or abs(d) <= still or (i < r and d > 0.0):
-            continue
-        bound = step.low if d < 0.0 else step.high
-        part = ((step.floor[i] if i < r else bound[i - r]) - point.values[i]) / d
-        if part < fraction:
-            fraction, place, row, way = part, -1, i, LOWER if d < 0.0 else UPPER
+    still, close = _NO_MOVE * far, _TIED * reach
+    longest, fraction, fastest, place, row, way = 1.0, 1.0, 0.0, -1, -1, 0
+    for choosing in range(2):
+        for k in range(m):
+            e, d = basis.entries[k], sol[k]
+            if e >= n + form.stages or abs(d) <= still or (e >= n and d > 0.0):
+                continue
+            own = form.G[e, e] if e < n else form.curvature
+            if basis.inverse[k, k] * own * _FIXED < 1.0:
+                continue
+            room = ((step.upper[e] if d > 0.0 else step.lower[e]) if e < n else 0.0) - point.x[e]
+            if choosing == 0:
+                longest = min(longest, room / d + close / abs(d))
+            elif room / d <= longest and abs(d) > fastest:
+                fraction, fastest, place, way = room / d, abs(d), k, LOWER if d < 0.0 else UPPER
+        for i in range(r + n):
+            d = d_values[i]
+            if point.row_side[i] != 0 or abs(d) <= still or (i < r and d > 0.0):
+                continue
+            bound = step.low if d < 0.0 else step.high
+            room = (step.floor[i] if i < r else bound[i - r]) - point.values[i]
+            if choosing == 0:
+                longest = min(longest, room / d + close / abs(d))
+            elif room / d <= longest and abs(d) > fastest:
+                fraction, fastest, place, row, way = room / d, abs(d), -1, i, LOWER if d < 0.0 else UPPER
     return max(fraction, 0.0), place, row, way
 
 
 @jit
-def _settle(step: Step, point: Point, e: int, way: int) -> None:
-    """Put a rate or a slack on its limit."""
-    if e >= step.g.size:
-        point.x[e] = 0.0
+def _settle(form: Form, step: Step, point: Point, e: int, way: int) -> None:
+    """Put a rate or a slack on its limit, which it may have passed a little while rows seemed to fix it.
+
+    Slope and values move along: what was left behind stayed in them, and rows ended 1e-8 m below their floors.
+    """
+    n, r = form.by_rate.shape
+    limit = 0.0
+    if e < n:
+        limit = step.lower[e] if way == LOWER else step.upper[e]
+    back = limit - point.x[e]
+    point.x[e], point.side[e] = limit, way
+    if back == 0.0:
+        return
+    if e < n:
+        for i in range(n):
+            point.slope[i] += back * form.G[e, i]
+        for i in range(r):
+            point.values[i] += back * form.by_rate[e, i]
+        for j in range(e, n, n // form.stages):
+            point.values[r + j] += back
     else:
-        point.x[e] = step.lower[e] if way == LOWER else step.upper[e]
-    point.side[e] = way
+        s = e - n
+        point.slope[e] += back * form.curvature
+        for i in range(s * r // form.stages, (s + 1) * r // form.stages):
+            point.values[i] += back
 
 
 @jit

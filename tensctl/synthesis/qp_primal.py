@@ -17,14 +17,17 @@ from tensctl.synthesis.bordered import Form
 from tensctl.synthesis.qp import QP, Solution, judged
 from tensctl.synthesis.relaxed import Relaxed, curvature
 
-# Multiplications of one search: 3 to 5 ms. With more the worst step of `benchmarks/mpc_in_time.py` takes over 10 ms.
-WORK = 2e7
+# Multiplications of one search, 3 to 5 ms, up to so many variables; beyond, more by their square, as a step takes.
+# With more the worst step of `benchmarks/mpc_in_time.py` takes over 10 ms.
+_WORK, _VARIABLES = 2e7, 480
 # Wrong multipliers over the largest slope.
 _TOL = 1e-11
 # An answer with a larger KKT residual is no optimum.
 _FINE = 1e-9
-# Most entries of the basis; its inverse takes 1.3 MB.
+# Most entries of the basis of a bounded search, or half the variables: the inverse then takes 1.3 MB, 18 MB at (8,4).
 _ROOM = 400
+# What passes a hard limit by more than this, m, has lost its way among pivots that are nearly nothing.
+_ASTRAY = 1e-8
 
 
 class PrimalSolver:
@@ -39,8 +42,8 @@ class PrimalSolver:
     stages : int
     soft : bool
         Whether it is asked problems with slacks; without them it says when none are needed.
-    work : float
-        Multiplications after which it ends where it is.
+    work : float, optional
+        Multiplications after which it ends where it is; by default 20 million, beyond 480 variables as their square.
     tol : float
         Largest wrong multiplier, over the largest slope.
     """
@@ -54,11 +57,13 @@ class PrimalSolver:
         stages: int,
         *,
         soft: bool,
-        work: float = WORK,
+        work: float | None = None,
         tol: float = _TOL,
     ) -> None:
-        self._stages, self._work, self._tol = stages, work, tol
         n, tensions = H.shape[0], rows.shape[0] - H.shape[0]
+        usual = _WORK * max(1.0, n / _VARIABLES) ** 2
+        self._stages, self._work, self._tol = stages, usual if work is None else work, tol
+        self._room = 2 * (n + stages) if self._work > usual else min(2 * (n + stages), max(_ROOM, n // 2))
         self._relaxed = None if soft else Relaxed.of(H, rows, stages)
         by_rate = np.ascontiguousarray(self._summed(rows[:tensions].T))
         G = self._summed(self._summed(H).T)
@@ -79,9 +84,9 @@ class PrimalSolver:
             upper=soft.upper[size + r :], floor=soft.lower[size : size + r], low=soft.lower[:n], high=soft.upper[:n],
         )  # fmt: skip
         guess = np.zeros(n) if qp.guess is None else qp.guess.copy()
-        room = min(size, _ROOM) if self._work <= WORK else 2 * size
-        ended, x, push, multipliers = primal.search(self._form, step, guess, room, self._tol, self._work)
-        if ended == primal.STUCK:
+        ended, x, push, multipliers = primal.search(self._form, step, guess, self._room, self._tol, self._work)
+        astray = max((step.lower - x[:n]).max(), (x[:n] - step.upper).max()) > _ASTRAY
+        if ended == primal.STUCK or astray:
             return judged(qp, None, None, "failed")
         inputs = x[:n].reshape(self._stages, -1).cumsum(axis=0).ravel()
         at_lower, at_upper = x[:n] == step.lower, x[:n] == step.upper

@@ -15,8 +15,9 @@ SOLVERS = ("dual", "primal", "daqp", "osqp", "piqp", "clarabel")
 _FEW = 100
 # Multiplications of a primal search that is to end at the optimum; with some 400 rates free it takes 4e8.
 _WHOLE = 1e10
-# Up to so many, what forces on limits move is worth its room: 7 MB and 0.1 s for the (3,1) shell with 20 stages.
-_MANY = 1000
+# Up to so many, what forces on limits move is worth its room: 7 MB for the (3,1) shell with 20 stages, 300 MB for the
+# (8,4) shell with 10.
+_MANY = 4000
 
 
 def first_choice(stages: int, inputs: int, states: int) -> tuple[str, str]:
