@@ -335,21 +335,26 @@ def _first_limit(
             own = form.G[e, e] if e < n else form.curvature
             if basis.inverse[k, k] * own * _FIXED < 1.0:
                 continue
-            room = ((step.upper[e] if d > 0.0 else step.lower[e]) if e < n else 0.0) - point.x[e]
+            pace = abs(d)
+            room = step.upper[e] - point.x[e] if d > 0.0 else point.x[e] - (step.lower[e] if e < n else 0.0)
             if choosing == 0:
-                longest = min(longest, room / d + close / abs(d))
-            elif room / d <= longest and abs(d) > fastest:
-                fraction, fastest, place, way = room / d, abs(d), k, LOWER if d < 0.0 else UPPER
+                longest = min(longest, (room + close) / pace)
+            elif pace > fastest and room <= longest * pace:
+                fraction, fastest, place, way = room / pace, pace, k, LOWER if d < 0.0 else UPPER
         for i in range(r + n):
             d = d_values[i]
-            if point.row_side[i] != 0 or abs(d) <= still or (i < r and d > 0.0):
+            pace = abs(d)
+            if pace <= still or point.row_side[i] != 0 or (i < r and d > 0.0):
                 continue
-            bound = step.low if d < 0.0 else step.high
-            room = (step.floor[i] if i < r else bound[i - r]) - point.values[i]
+            if d > 0.0:
+                room = step.high[i - r] - point.values[i]
+            else:
+                room = point.values[i] - (step.floor[i] if i < r else step.low[i - r])
             if choosing == 0:
-                longest = min(longest, room / d + close / abs(d))
-            elif room / d <= longest and abs(d) > fastest:
-                fraction, fastest, place, row, way = room / d, abs(d), -1, i, LOWER if d < 0.0 else UPPER
+                if room + close < longest * pace:
+                    longest = (room + close) / pace
+            elif pace > fastest and room <= longest * pace:
+                fraction, fastest, place, row, way = room / pace, pace, -1, i, LOWER if d < 0.0 else UPPER
     return max(fraction, 0.0), place, row, way
 
 
