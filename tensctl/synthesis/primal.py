@@ -31,8 +31,6 @@ _NO_MOVE = 1e-10
 _DRIFT = 1e-8
 # Steps of no length in a row, beyond the entries of the basis, after which it goes in circles.
 _CIRCLES = 50
-# Limits that are met within this part of the largest range of a rate are met at once.
-_TIED = 1e-13
 # A value this close to its limit, over the largest range of a rate, is at it.
 _AT_LIMIT = 1e-8
 
@@ -109,9 +107,7 @@ def search(
         fraction, place, row, way = 1.0, -1, -1, 0
         if far > 1e-13 * reach:
             _along(form, basis, m, sol, d_slope, d_values)
-            fraction, place, row, way = _first_limit(
-                form, step, point, basis, m, sol, far, reach, d_values
-            )  # fmt: skip
+            fraction, place, row, way = _first_limit(form, step, point, basis, m, sol, far, d_values)
             for k in range(m):
                 if basis.entries[k] < size:
                     point.x[basis.entries[k]] += fraction * sol[k]
@@ -317,44 +313,35 @@ def _along(form: Form, basis: Basis, m: int, sol: np.ndarray, d_slope: np.ndarra
 
 @jit
 def _first_limit(
-    form: Form, step: Step, point: Point, basis: Basis, m: int, sol: np.ndarray, far: float, reach: float,
-    d_values: np.ndarray,
-) -> tuple[float, int, int, int]:  # fmt: skip
-    """Fraction of the way to the first limit, the place in the basis or the row that meets it, and its side.
-
-    Of limits that are met within a tolerance of each other the one that is met fastest is taken: its pivot is largest.
-    """
+    form: Form, step: Step, point: Point, basis: Basis, m: int, sol: np.ndarray, far: float, d_values: np.ndarray
+) -> tuple[float, int, int, int]:
+    """Fraction of the way to the first limit, the place in the basis or the row that meets it, and its side."""
     n, r = form.by_rate.shape
-    still, close = _NO_MOVE * far, _TIED * reach
-    longest, fraction, fastest, place, row, way = 1.0, 1.0, 0.0, -1, -1, 0
-    for choosing in range(2):
-        for k in range(m):
-            e, d = basis.entries[k], sol[k]
-            if e >= n + form.stages or abs(d) <= still or (e >= n and d > 0.0):
-                continue
-            own = form.G[e, e] if e < n else form.curvature
-            if basis.inverse[k, k] * own * _FIXED < 1.0:
-                continue
-            pace = abs(d)
-            room = step.upper[e] - point.x[e] if d > 0.0 else point.x[e] - (step.lower[e] if e < n else 0.0)
-            if choosing == 0:
-                longest = min(longest, (room + close) / pace)
-            elif pace > fastest and room <= longest * pace:
-                fraction, fastest, place, way = room / pace, pace, k, LOWER if d < 0.0 else UPPER
-        for i in range(r + n):
-            d = d_values[i]
-            pace = abs(d)
-            if pace <= still or point.row_side[i] != 0 or (i < r and d > 0.0):
-                continue
-            if d > 0.0:
-                room = step.high[i - r] - point.values[i]
-            else:
-                room = point.values[i] - (step.floor[i] if i < r else step.low[i - r])
-            if choosing == 0:
-                if room + close < longest * pace:
-                    longest = (room + close) / pace
-            elif pace > fastest and room <= longest * pace:
-                fraction, fastest, place, row, way = room / pace, pace, -1, i, LOWER if d < 0.0 else UPPER
+    fraction, place, row, way = 1.0, -1, -1, 0
+    still = _NO_MOVE * far
+    for k in range(m):
+        e, d = basis.entries[k], sol[k]
+        if e >= n + form.stages or abs(d) <= still:
+            continue
+        own = form.G[e, e] if e < n else form.curvature
+        if basis.inverse[k, k] * own * _FIXED < 1.0:
+            continue
+        if d < 0.0:
+            part = ((step.lower[e] if e < n else 0.0) - point.x[e]) / d
+        elif e < n:
+            part = (step.upper[e] - point.x[e]) / d
+        else:
+            continue
+        if part < fraction:
+            fraction, place, way = part, k, LOWER if d < 0.0 else UPPER
+    for i in range(r + n):
+        d = d_values[i]
+        if point.row_side[i] != 0 or abs(d) <= still or (i < r and d > 0.0):
+            continue
+        bound = step.low if d < 0.0 else step.high
+        part = ((step.floor[i] if i < r else bound[i - r]) - point.values[i]) / d
+        if part < fraction:
+            fraction, place, row, way = part, -1, i, LOWER if d < 0.0 else UPPER
     return max(fraction, 0.0), place, row, way
 
 

@@ -19,7 +19,7 @@ from tensctl.synthesis.relaxed import Relaxed, curvature
 
 # Multiplications of one search, 3 to 5 ms, up to so many variables; beyond, more by their square, as a step takes.
 # With more the worst step of `benchmarks/mpc_in_time.py` takes over 10 ms.
-_WORK, _VARIABLES = 1.7e7, 480
+_WORK, _VARIABLES = 2e7, 480
 # Wrong multipliers over the largest slope.
 _TOL = 1e-11
 # An answer with a larger KKT residual is no optimum.
@@ -43,7 +43,7 @@ class PrimalSolver:
     soft : bool
         Whether it is asked problems with slacks; without them it says when none are needed.
     work : float, optional
-        Multiplications after which it ends where it is; by default 17 million, beyond 480 variables as their square.
+        Multiplications after which it ends where it is; by default 20 million, beyond 480 variables as their square.
     tol : float
         Largest wrong multiplier, over the largest slope.
     """
