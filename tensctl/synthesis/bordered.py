@@ -15,7 +15,7 @@ import numpy as np
 from tensctl.jit import jit
 
 # A pivot below this part of what it would be if nothing else were coupled is zero.
-_NO_PIVOT = 1e-10
+NO_PIVOT = 1e-10
 
 
 class Form(NamedTuple):
@@ -98,7 +98,7 @@ def enter(form: Form, basis: Basis, m: int, e: int) -> bool:
         own = _coupling(form, entries[k], entries[k])
         if own > 0.0:
             size += column[k] * column[k] / own
-    if not abs(pivot) > _NO_PIVOT * size:
+    if not abs(pivot) > NO_PIVOT * size:
         return False
     border(inverse, m, turned, pivot)
     entries[m] = e

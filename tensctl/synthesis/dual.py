@@ -22,9 +22,9 @@ from tensctl.synthesis.bordered import border, reduce
 SOLVED, BUSY, INFEASIBLE = 0, 1, 2
 # A limit that is further out than this many times the first one: the others are kept at its cost, and most likely not
 # all of them can be.
-_ASTRAY = 4.0
+ASTRAY = 4.0
 # A curvature below this part of its own row's is zero.
-_NO_PIVOT = 1e-10
+NO_PIVOT = 1e-10
 
 
 @jit
@@ -70,7 +70,7 @@ def search(
             exact = True
             continue
         exact, first = False, max(first, abs(out)) if m == 0 else first
-        if abs(out) > _ASTRAY * first:
+        if abs(out) > ASTRAY * first:
             return BUSY, forces
         _row(B, p, n, inputs, own)
         while out != 0.0:
@@ -88,7 +88,7 @@ def search(
             for k in range(m):
                 curvature -= column[k] * follow[k]
             push, leaves = np.inf, -1
-            if curvature > _NO_PIVOT * itself:
+            if curvature > NO_PIVOT * itself:
                 push = abs(out) / curvature
             way = 1.0 if out > 0.0 else -1.0
             for k in range(m):
@@ -97,7 +97,7 @@ def search(
                     push, leaves = abs(forces[acting[k]]) / relief, k
             if push == np.inf:
                 return INFEASIBLE, forces
-            if curvature > _NO_PIVOT * itself:
+            if curvature > NO_PIVOT * itself:
                 change[:] = own
                 for k in range(m):
                     for i in range(known):

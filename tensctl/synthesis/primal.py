@@ -22,17 +22,17 @@ FREE, HELD, LOWER, UPPER = 0, 2, -1, 1
 # How the search ended.
 SOLVED, BOUNDED, STUCK = 0, 1, 2
 # More free rates than these at the start are held: most of them will end at a limit.
-_FEW = 150
+FEW = 150
 # A rate whose free curvature is this many times its own is fixed by the rows that act.
-_FIXED = 1e9
+FIXED = 1e9
 # A component below this part of the largest does not move.
-_NO_MOVE = 1e-10
+NO_MOVE = 1e-10
 # Push on what is free at a minimum, over the largest slope, from which on the inverse is made anew.
-_DRIFT = 1e-8
+DRIFT = 1e-8
 # Steps of no length in a row, beyond the entries of the basis, after which it goes in circles.
-_CIRCLES = 50
+CIRCLES = 50
 # A value this close to its limit, over the largest range of a rate, is at it.
-_AT_LIMIT = 1e-8
+AT_LIMIT = 1e-8
 
 
 class Step(NamedTuple):
@@ -116,7 +116,7 @@ def search(
             for j in range(r + n):
                 point.values[j] += fraction * d_values[j]
         idle = idle + 1 if fraction * far <= 1e-13 * reach else 0
-        if idle > 2 * m + _CIRCLES:
+        if idle > 2 * m + CIRCLES:
             break
         if done > work:
             ended = BOUNDED
@@ -137,7 +137,7 @@ def search(
             continue
         _let_rows_go(point)
         _pushes(form, point, basis, m, sol, push)
-        if since > 1 and _left_over(basis, m, push) > _DRIFT * scale:
+        if since > 1 and _left_over(basis, m, push) > DRIFT * scale:
             _evaluate(form, step, point)
             m, since = _again(form, point, basis, m), 0
             done += 4.0 / 3.0 * m**3 + 1.0 * n * (n + r)
@@ -180,15 +180,15 @@ def _begin(form: Form, step: Step, guess: np.ndarray, point: Point, reach: float
             return False
         w = min(max(guess[j] - before, low), high)
         point.side[j] = FREE
-        if w <= step.lower[j] + _AT_LIMIT * reach and low == step.lower[j]:
+        if w <= step.lower[j] + AT_LIMIT * reach and low == step.lower[j]:
             w, point.side[j] = step.lower[j], LOWER
-        elif w >= step.upper[j] - _AT_LIMIT * reach and high == step.upper[j]:
+        elif w >= step.upper[j] - AT_LIMIT * reach and high == step.upper[j]:
             w, point.side[j] = step.upper[j], UPPER
         else:
             few += 1
         point.x[j] = w
         guess[j] = before + w
-    if few > _FEW:
+    if few > FEW:
         for j in range(n):
             if point.side[j] == FREE:
                 point.side[j] = HELD
@@ -237,7 +237,7 @@ def _first_basis(form: Form, step: Step, point: Point, basis: Basis, reach: floa
                 point.side[e] = HELD
     for s in range(form.stages):
         if point.side[n + s] == FREE:
-            tightest, gap = -1, _AT_LIMIT * reach
+            tightest, gap = -1, AT_LIMIT * reach
             for i in range(s * r // form.stages, (s + 1) * r // form.stages):
                 if point.values[i] - step.floor[i] < gap:
                     tightest, gap = i, point.values[i] - step.floor[i]
@@ -318,13 +318,13 @@ def _first_limit(
     """Fraction of the way to the first limit, the place in the basis or the row that meets it, and its side."""
     n, r = form.by_rate.shape
     fraction, place, row, way = 1.0, -1, -1, 0
-    still = _NO_MOVE * far
+    still = NO_MOVE * far
     for k in range(m):
         e, d = basis.entries[k], sol[k]
         if e >= n + form.stages or abs(d) <= still:
             continue
         own = form.G[e, e] if e < n else form.curvature
-        if basis.inverse[k, k] * own * _FIXED < 1.0:
+        if basis.inverse[k, k] * own * FIXED < 1.0:
             continue
         if d < 0.0:
             part = ((step.lower[e] if e < n else 0.0) - point.x[e]) / d

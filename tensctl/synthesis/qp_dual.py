@@ -17,7 +17,12 @@ from tensctl.synthesis.qp import QP, Solution, judged
 # take 0.14 s, 650 take 0.9 s and 1100 take 3 s.
 _ROOM, _PART = 110, 0.1
 # Largest violation, m, as of `synthesis.qp_daqp`.
-_TOL = 1e-10
+TOL = 1e-10
+
+
+def usual_room(variables: int) -> int:
+    """Most limits that may act before a search gives up, where the caller asks for no more."""
+    return max(_ROOM, int(_PART * variables))
 
 
 class DualSolver:
@@ -35,9 +40,9 @@ class DualSolver:
 
     name = "dual"
 
-    def __init__(self, problem: Condensed, room: int | None = None, tol: float = _TOL) -> None:
+    def __init__(self, problem: Condensed, room: int | None = None, tol: float = TOL) -> None:
         n, self._inputs = problem.H.shape[0], problem.H.shape[0] // problem.horizon
-        self._room, self._tol = max(_ROOM, int(_PART * n)) if room is None else room, tol
+        self._room, self._tol = usual_room(n) if room is None else room, tol
         self._half = np.asfortranarray(np.linalg.cholesky(problem.H))
         rows = problem.rows
         # Rates first, then tensions; rates are the last n rows.

@@ -21,13 +21,18 @@ from tensctl.synthesis.relaxed import Relaxed, curvature
 # With more the worst step of `benchmarks/mpc_in_time.py` takes over 10 ms.
 _WORK, _VARIABLES = 2e7, 480
 # Wrong multipliers over the largest slope.
-_TOL = 1e-11
+TOL = 1e-11
 # An answer with a larger KKT residual is no optimum.
-_FINE = 1e-9
+FINE = 1e-9
 # Most entries of the basis of a bounded search, or half the variables: the inverse then takes 1.3 MB, 18 MB at (8,4).
 _ROOM = 400
 # What passes a hard limit by more than this, m, has lost its way among pivots that are nearly nothing.
-_ASTRAY = 1e-8
+ASTRAY = 1e-8
+
+
+def bounds(variables: int, stages: int) -> tuple[float, int]:
+    """Multiplications of a search, and most entries of its basis, where the caller asks for no more."""
+    return _WORK * max(1.0, variables / _VARIABLES) ** 2, min(2 * (variables + stages), max(_ROOM, variables // 2))
 
 
 class PrimalSolver:
@@ -58,12 +63,14 @@ class PrimalSolver:
         *,
         soft: bool,
         work: float | None = None,
-        tol: float = _TOL,
+        tol: float = TOL,
     ) -> None:
         n, tensions = H.shape[0], rows.shape[0] - H.shape[0]
-        usual = _WORK * max(1.0, n / _VARIABLES) ** 2
-        self._stages, self._work, self._tol = stages, usual if work is None else work, tol
-        self._room = 2 * (n + stages) if self._work > usual else min(2 * (n + stages), max(_ROOM, n // 2))
+        self._stages, self._tol = stages, tol
+        self._work, self._room = bounds(n, stages)
+        if work is not None:
+            self._room = 2 * (n + stages) if work > self._work else self._room
+            self._work = work
         self._relaxed = None if soft else Relaxed.of(H, rows, stages)
         by_rate = np.ascontiguousarray(self._summed(rows[:tensions].T))
         G = self._summed(self._summed(H).T)
@@ -85,7 +92,7 @@ class PrimalSolver:
         )  # fmt: skip
         guess = np.zeros(n) if qp.guess is None else qp.guess.copy()
         ended, x, push, multipliers = primal.search(self._form, step, guess, self._room, self._tol, self._work)
-        astray = max((step.lower - x[:n]).max(), (x[:n] - step.upper).max()) > _ASTRAY
+        astray = max((step.lower - x[:n]).max(), (x[:n] - step.upper).max()) > ASTRAY
         if ended == primal.STUCK or astray:
             return judged(qp, None, None, "failed")
         inputs = x[:n].reshape(self._stages, -1).cumsum(axis=0).ravel()
@@ -100,7 +107,7 @@ class PrimalSolver:
         else:
             z, y = inputs, np.concatenate([inner, tension, held])
         found = judged(qp, z, y, "solved")
-        return found if found.kkt <= _FINE else replace(found, status="bounded")
+        return found if found.kkt <= FINE else replace(found, status="bounded")
 
     def _summed(self, slopes: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
         """Slopes by rates from those by inputs: a rate moves its input in all later stages."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 # A shortfall below this, N, is none: a solver that saw no solution was wrong, and the floors are kept after all.
-_KEPT = 1e-9
+KEPT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -43,4 +43,4 @@ class StepRecord:
 
 def told(status: str, relaxed: float) -> tuple[str, float]:
     """Status and relaxation as a record tells them: a floor that gives way by rounding is kept."""
-    return (status.removesuffix(" relaxed"), 0.0) if relaxed <= _KEPT else (status, relaxed)
+    return (status.removesuffix(" relaxed"), 0.0) if relaxed <= KEPT else (status, relaxed)
