@@ -43,7 +43,9 @@ def output_facts(mpc: OutputMPC) -> dict[str, Any]:
 
 def _target(mpc: OutputMPC) -> ProblemTables:
     programme = mpc.programme
-    return problem_tables("_target", programme.H, programme.from_given, programme.rows, programme.floor_from, 1)
+    return problem_tables(
+        "_target", programme.H, programme.from_given, programme.rows, programme.floor_from, 1, patient=True
+    )
 
 
 def _filter_tables(mpc: OutputMPC) -> tuple[Table, ...]:

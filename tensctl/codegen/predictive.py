@@ -11,8 +11,20 @@ from tensctl.codegen.outputs import output_facts
 from tensctl.codegen.problem import problem_tables
 from tensctl.codegen.signals import signal_facts
 from tensctl.codegen.states import state_facts
-from tensctl.synthesis import MPC, Condensed, OutputMPC
+from tensctl.synthesis import MPC, Condensed, OutputMPC, bordered, dual, primal, qp_dual, qp_primal
 from tensctl.synthesis.piece import Piece
+from tensctl.synthesis.qp import ACCEPT
+from tensctl.synthesis.step_record import KEPT
+
+# Limits that are missed by less are kept, m: a tenth of Python's own. With that, a command was 8e-9 m from DAQP's where
+# limits nearly follow from each other; with a tenth of this, searches go in circles on rounding.
+_FEASIBLE = 0.1 * qp_dual.TOL
+# Constants of the two searches; the others are Python's.
+_SEARCH = {
+    "feasible": _FEASIBLE, "no_curvature": dual.NO_PIVOT, "few_free": primal.FEW, "fixed": primal.FIXED,
+    "no_move": primal.NO_MOVE, "drift": primal.DRIFT, "circles": primal.CIRCLES, "at_limit": primal.AT_LIMIT,
+    "no_pivot": bordered.NO_PIVOT, "wrong_push": qp_primal.TOL,
+}  # fmt: skip
 
 
 def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
@@ -22,7 +34,8 @@ def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
     else:
         found, reference = state_facts(mpc), mpc.reference
     wanted = signal_facts(mpc, reference, found["times"], found["size"])
-    inputs, unknowns = mpc.linear.inputs, mpc.horizon * (len(mpc.linear.inputs) + 1)
+    inputs, variables = mpc.linear.inputs, mpc.horizon * len(mpc.linear.inputs)
+    unknowns = variables + mpc.horizon
     pairs: list[tuple[str, Piece]] = list(zip(found["suffixes"], found["parts"], strict=True))
     problems = [
         problem_tables(suffix, p.H, _from_given(p), p.rows, p.tension_from_state, mpc.horizon)
@@ -46,7 +59,11 @@ def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
             ("COURSE", samples, "samples after which the reference rests"),
             ("LAST_SAMPLE", max(samples, wanted["last"]), "after which all is constant"),
             ("MAX_ITERATIONS", max_iterations or 10 * unknowns, "changes of the active set in a step"),
+            ("ROOM", qp_primal.bounds(variables, mpc.horizon)[1], "for a primal basis"),
+            ("DUAL_ROOM", min(variables, qp_dual.usual_room(variables)), "for a dual one"),
         ],
+        "search": _SEARCH, "accept": ACCEPT, "fine": qp_primal.FINE, "astray": qp_primal.ASTRAY,
+        "floor_kept": KEPT,
     }  # fmt: skip
 
 

@@ -1,10 +1,10 @@
-"""Constant tables of a condensed problem as its C source holds them.
+"""Constant tables of a condensed problem as its C source holds them, in rates w, z_k = z_(k-1) + w_k.
 
-    minimise z'Hz/2 + f'z,   f = F g,   floors <= T z + S g,   |z_k - z_(k-1)| <= reach,   lower <= z <= upper
+    minimise w'G w/2 + g'w,   g = F x,   floors <= M w + S x,   |w_k| <= reach,   lower <= z <= upper
 
-g is what is given: state and inputs when the command begins to act, and what is wanted. H is kept as its lower
-triangle and as W = L^-1 of H = L L'; tension rows are block Toeplitz, so their first block column is all of them;
-bounds and rate rows need no table.
+x is what is given: state and inputs when the command begins to act, and what is wanted. M is block Toeplitz, so its
+first block column is all of it, kept by rows and by rates. B = (1, M) G^-1 (1, M)', what a force on a limit moves, is
+kept as its lower triangle; bounds need no table.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as sla
 
 from tensctl.codegen.literals import Table, lower_triangle, number
 from tensctl.errors import OutputError
+from tensctl.synthesis import dual, qp_dual, qp_primal
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.relaxed import relax
 
@@ -31,8 +33,9 @@ class ProblemTables:
 
 
 def problem_tables(
-    suffix: str, H: np.ndarray, f_from: np.ndarray, rows: np.ndarray, tension_from: np.ndarray, stages: int
-) -> ProblemTables:
+    suffix: str, H: np.ndarray, f_from: np.ndarray, rows: np.ndarray, tension_from: np.ndarray, stages: int,
+    *, patient: bool = False,
+) -> ProblemTables:  # fmt: skip
     """Tables of a problem.
 
     Parameters
@@ -40,34 +43,51 @@ def problem_tables(
     suffix : str
         Ends their names.
     H : (N nu, N nu)
+        Of inputs.
     f_from : (N nu, g)
-        F.
+        Its linear cost from what is given.
     rows : (N nT + N nu, N nu)
-        Tension rows, then rate rows.
+        Tension rows by inputs, then rate rows.
     tension_from : (N nT, s)
         S, of the first s of what is given.
     stages : int
         N.
+    patient : bool
+        Whether floors give way only where it is proven that they cannot be kept.
 
     Raises
     ------
     OutputError
         Rows of another form.
     """
-    W = np.linalg.inv(np.linalg.cholesky(H))
+    n = len(H)
+    half = np.linalg.cholesky(H)
+    by_force = sla.solve_triangular(half, np.roll(rows, n, axis=0).T, lower=True)
+    optimum = -sla.cho_solve((half, True), f_from)
+    column = _first_column(rows, stages)
     curvature, price = _relaxation(H, rows, stages)
+    G = summed(summed(H, stages).T, stages)
     tables = (
-        Table(f"H{suffix}", lower_triangle(H), "H, lower triangle row by row"),
-        Table(f"W{suffix}", lower_triangle(W), "W = L^-1, H = L L', lower triangle row by row"),
-        Table(f"f_from{suffix}", f_from, "f from what is given"),
-        Table(f"optimum_from{suffix}", -W.T @ (W @ f_from), "z without limits from what is given"),
+        Table(f"G{suffix}", 0.5 * (G + G.T), "G, Hessian of rates"),
+        Table(f"moves{suffix}", lower_triangle(by_force.T @ by_force), "B, lower triangle row by row"),
+        Table(f"slope_from{suffix}", summed(f_from, stages), "g from what is given"),
+        Table(f"optimum_from{suffix}", rows[-n:] @ optimum, "w without limits from what is given"),
         Table(f"tension_from{suffix}", tension_from, "scaled tension deviations from what is given, m"),
-        Table(f"tension_block{suffix}", _first_column(rows, stages), "first block column of the tension rows"),
-        Table(f"row_size{suffix}", np.linalg.norm(np.hstack([W, W @ rows.T]), axis=0), "size of W times each row"),
+        Table(f"tension_rows{suffix}", column, "first block column of M"),
+        Table(f"tension_by_rate{suffix}", column.T, "the same, rate by rate"),
     )
+    work = qp_primal.bounds(n, stages)[0]
+    many, astray = (len(rows), np.inf) if patient else (qp_dual.usual_room(n), dual.ASTRAY)
     numbers = [str(stages), str(f_from.shape[1]), str(tension_from.shape[1])]
-    numbers += [number(value) for value in (curvature, price, np.abs(H.diagonal()).max())]
+    numbers += [number(value) for value in (curvature, price, np.abs(H.diagonal()).max(), work)]
+    numbers += [str(many), number(astray)]
     return ProblemTables("{" + ", ".join([*numbers, *(table.name for table in tables)]) + "}", tables)
+
+
+def summed(slopes: np.ndarray, stages: int) -> np.ndarray:
+    """Slopes by rates from those by inputs: a rate moves its input in all later stages."""
+    staged = slopes.reshape(stages, -1, slopes.shape[1])
+    return staged[::-1].cumsum(axis=0)[::-1].reshape(slopes.shape)
 
 
 def _relaxation(H: np.ndarray, rows: np.ndarray, stages: int) -> tuple[float, float]:
@@ -80,7 +100,7 @@ def _relaxation(H: np.ndarray, rows: np.ndarray, stages: int) -> tuple[float, fl
 
 
 def _first_column(rows: np.ndarray, stages: int) -> np.ndarray:
-    """The tension rows' first block column, (N nT, nu)."""
+    """The tension rows' first block column by rates, (N nT, nu)."""
     variables = rows.shape[1]
     nu, nT = variables // stages, (len(rows) - variables) // stages
     first = rows[: stages * nT, :nu]
@@ -94,4 +114,4 @@ def _first_column(rows: np.ndarray, stages: int) -> np.ndarray:
             f"the rows of this MPC differ by {misfit:.1e} from tension rows of one model at every stage and rate rows, "
             "which the C source counts on."
         )
-    return first
+    return first.reshape(stages, nT, nu).cumsum(axis=0).reshape(first.shape)

@@ -35,8 +35,9 @@ extern "C" {
 enum tensctl_outcome {
     TENSCTL_OK = 0,       /* as designed */
     TENSCTL_RELAXED = 1,  /* tension floors cannot all be kept: relaxed by the least */
-    TENSCTL_FALLBACK = 2, /* no answer within the bound of iterations: what the last plan would do next */
-    TENSCTL_REFUSED = 3   /* the measurement has an entry that is no number: the last command again */
+    TENSCTL_FALLBACK = 2, /* no inputs keep all hard limits as they come: what the last plan would do next */
+    TENSCTL_REFUSED = 3,  /* the measurement has an entry that is no number: the last command again */
+    TENSCTL_BOUNDED = 4   /* the work was over before the optimum: no worse than the last plan; kkt says how far */
 };
 
 struct tensctl_report {

@@ -5,13 +5,7 @@ static struct {
     int begun, planned; /* whether there was a step, and a plan */
     int sample;         /* periods since the first step, no more than matter */
     double command[INPUTS], plan[MOST_VARIABLES]; /* total changes of rest length */
-
-    /* The active set: rows and sides, Q R = W A' of them, multipliers. */
-    int active, row[CAPACITY], side[CAPACITY];
-    double Q[CAPACITY][MOST_UNKNOWNS], R[CAPACITY * (CAPACITY + 1) / 2], force[CAPACITY];
-    struct memory last_plan; /* that of the last step, one stage on */
 {% if sensors %}
-    struct memory last_target;
 
     /* The filter: estimate of states and disturbances, inputs at its sample, P where it varies, for how many samples on
      * end each sensor was refused; and where to rest, states and inputs, and inputs there less those of the course. */
@@ -20,23 +14,32 @@ static struct {
 {% endif %}
 
     /* Where this step begins: what is given, total inputs that its command departs from, inputs from which z deviates
-     * at every stage, and tensions within their limits there, over the scale, m. */
-    double given[GIVEN], begins[INPUTS], about[MOST_VARIABLES + INPUTS], margin[MOST_FLOORS];
+     * at every stage, tensions within their limits there, over the scale, m, and what the last plan would do next. */
+    double given[GIVEN], begins[INPUTS], about[MOST_VARIABLES + INPUTS], margin[MOST_FLOORS], guess[MOST_VARIABLES];
 
-    /* The problem that is solved. */
+    /* The problem that is solved: how many rates and entries, and the first of a kind. */
     const struct problem *problem;
-    int relaxed, size, iterations;
-    int variables, unknowns, floors, rates_from, rows; /* how many, and the first row of changes */
-    double f[MOST_UNKNOWNS], lower[MOST_ROWS], upper[MOST_ROWS], free_optimum[MOST_UNKNOWNS];
+    int relaxed, iterations, variables, inputs_from, slacks_from, entries;
+    double gradient[MOST_ENTRIES], lower[MOST_ENTRIES], upper[MOST_ENTRIES], unlimited[MOST_KNOWN];
 
-    /* The point that the active set has, its rows, and what the solver computes on the way. */
-    double z[MOST_UNKNOWNS], value[MOST_ROWS], normal[MOST_UNKNOWNS], image[MOST_UNKNOWNS], outside[MOST_UNKNOWNS];
-    double inside[CAPACITY], share[CAPACITY];
+    /* The point of a search: values, forces on limits > 0 at lower ones, slope, and what a way changes. */
+    double value[MOST_ENTRIES], force[MOST_ENTRIES], slope[MOST_ENTRIES], push[MOST_ENTRIES];
+    double change[MOST_ENTRIES], slope_change[MOST_ENTRIES], own[MOST_KNOWN];
+
+    /* The basis, the inverse of its matrix, the sides on which entries are, and what the limits in a dual one move. */
+    int count, basis[ROOM], side[MOST_ENTRIES];
+    double inverse[ROOM][ROOM], column[ROOM], turned[ROOM], way[ROOM], rows[DUAL_ROOM][MOST_KNOWN];
 } self;
 
 {% include "rows.c" %}
 
-{% include "active_set.c" %}
+{% include "judge.c" %}
+
+{% include "inverse.c" %}
+
+{% include "dual.c" %}
+
+{% include "primal.c" %}
 
 {% include "solve.c" %}
 
@@ -54,59 +57,64 @@ static void state_problem(const struct problem *problem)
     pose(problem, self.given, self.margin);
     for (int k = 0; k < self.variables; k++) {
         double moved = self.about[k + INPUTS] - self.about[k], now = k < INPUTS ? self.given[STATES + k] : 0.0;
-        self.lower[k] = input_lower[k % INPUTS] - self.about[k + INPUTS];
-        self.upper[k] = input_upper[k % INPUTS] - self.about[k + INPUTS];
-        self.lower[self.rates_from + k] = now - reach[k % INPUTS] - moved;
-        self.upper[self.rates_from + k] = now + reach[k % INPUTS] - moved;
+        self.lower[k] = now - reach[k % INPUTS] - moved;
+        self.upper[k] = now + reach[k % INPUTS] - moved;
+        self.lower[self.inputs_from + k] = input_lower[k % INPUTS] - self.about[k + INPUTS];
+        self.upper[self.inputs_from + k] = input_upper[k % INPUTS] - self.about[k + INPUTS];
     }
 }
 
-/* Newtons that the plan z leaves missing below the worst tension floor. */
+/* What the last plan would do next, or no change. */
+static void continue_plan(void)
+{
+    for (int k = 0; k < MOST_VARIABLES; k++) {
+        int next = k + INPUTS < MOST_VARIABLES ? k + INPUTS : k;
+        self.guess[k] = (self.planned ? self.plan[next] : self.begins[k % INPUTS]) - self.about[k + INPUTS];
+    }
+}
+
+/* Take the guess for the answer. */
+static void go_on(void)
+{
+    for (int k = 0; k < MOST_VARIABLES; k++) {
+        self.value[k] = self.guess[k] - (k < INPUTS ? 0.0 : self.guess[k - INPUTS]);
+    }
+    memset(self.value + self.slacks_from, 0, HORIZON * sizeof self.value[0]);
+    see_values();
+}
+
+/* Newtons that the plan leaves missing below the worst tension floor. */
 static double shortfall(void)
 {
     double worst = 0.0;
-    for (int k = 0; k < self.floors; k++) {
-        double missing = (self.lower[self.unknowns + k] - tension_of(k, self.z)) * tension_scale[k % TENSIONS];
-        worst = missing > worst ? missing : worst;
+    for (int k = 0; k < MOST_FLOORS; k++) {
+        double tension = self.value[self.variables + k] - self.value[self.slacks_from + k / TENSIONS];
+        worst = larger(worst, (self.lower[self.variables + k] - tension) * tension_scale[k % TENSIONS]);
     }
     return worst;
 }
 
-/* What the last plan would do next, or no change. */
-static void shift_plan(void)
-{
-    for (int k = 0; k < MOST_VARIABLES; k++) {
-        int next = k + INPUTS < MOST_VARIABLES ? k + INPUTS : k;
-        self.plan[k] = self.planned ? self.plan[next] : self.begins[k % INPUTS];
-        self.z[k] = self.plan[k] - self.about[k + INPUTS];
-    }
-}
-
 static void answer(const double *measurement)
 {
-    self.iterations = 0;
+    static const int outcomes[] = {TENSCTL_RELAXED, TENSCTL_BOUNDED, TENSCTL_FALLBACK};
     const struct problem *problem = see(measurement);
 {% if signal %}
     want(measurement);
 {% endif %}
     state_problem(problem);
-    if (solved(&self.last_plan)) {
-        self.report.outcome = self.relaxed ? TENSCTL_RELAXED : TENSCTL_OK;
-        for (int k = 0; k < MOST_VARIABLES; k++) {
-            self.plan[k] = self.z[k] + self.about[k + INPUTS];
-        }
-    } else {
-        self.report.outcome = TENSCTL_FALLBACK;
-        shift_plan();
+    continue_plan();
+    int ended = solved(self.guess);
+    if (ended == GIVEN_UP) {
+        go_on();
     }
-    remember(&self.last_plan, 1);
-    self.report.iterations = self.iterations;
-    if (self.report.outcome != TENSCTL_OK) {
-        self.report.relaxed = shortfall();
-    }
+    self.report.outcome = self.relaxed ? outcomes[ended] : TENSCTL_OK;
+    self.report.relaxed = self.relaxed ? shortfall() : 0.0;
     if (self.report.outcome == TENSCTL_RELAXED && self.report.relaxed <= kept) {
         self.report.outcome = TENSCTL_OK;
         self.report.relaxed = 0.0;
+    }
+    for (int k = 0; k < MOST_VARIABLES; k++) {
+        self.plan[k] = self.value[self.inputs_from + k] + self.about[k + INPUTS];
     }
     for (int i = 0; i < INPUTS; i++) {
         double near = clipped(self.plan[i], self.begins[i] - reach[i], self.begins[i] + reach[i]);

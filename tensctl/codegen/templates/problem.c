@@ -1,14 +1,20 @@
-/* A condensed problem, one linear model at every stage:
- *   minimise z'Hz/2 + f'z,   lower <= z <= upper,   T z >= floors,   least <= z_k - z_(k-1) <= most
- * z are the inputs of all stages as deviations from where they should be, then one slack a stage when floors give way.
- * Rows are numbered in this order: bounds of the unknowns, tension floors, changes from stage to stage. */
+/* A condensed problem, one linear model at every stage, in rates w of the inputs z, z_k = z_(k-1) + w_k:
+ *   minimise w'G w/2 + g'w + price sum eps + c |eps|^2/2,   M w + eps >= floor, one eps >= 0 a stage
+ *   lower <= w <= upper,   low <= z <= high
+ * z are deviations from where inputs should be. Rates, tensions M w + eps, inputs and slacks eps are numbered one after
+ * the other; entry e has a value within lower[e] and upper[e]. Slacks are 0 while floors are hard. */
 struct problem {
-    int stages, given; /* f = F g for so many given numbers */
-    int seen;          /* the first so many of them move tensions: S g */
-    double curvature;  /* in H, of each stage's slack */
+    int stages, given; /* g = F x for so many given numbers x */
+    int seen;          /* the first so many of them move tensions: S x */
+    double curvature;  /* c */
     double price;      /* of slack, over the steepest cost in sight */
-    double largest;    /* on H's diagonal */
-    const double *H, *W, *f_from, *optimum_from, *tension_from, *tension_block, *row_size;
+    double largest;    /* on the diagonal of the inputs' Hessian */
+    double work;       /* multiplications after which the primal search ends where it is */
+    /* Floors give way without further search where the minimum without limits breaks more limits than `many`, or one is
+     * further out than `astray` times the first. */
+    int many;
+    double astray;
+    const double *G, *moves, *slope_from, *optimum_from, *tension_from, *tension_rows, *tension_by_rate;
 };
 
 static const struct problem problems[] = {
@@ -19,18 +25,13 @@ static const struct problem problems[] = {
 
 enum {
     MOST_VARIABLES = HORIZON * INPUTS,
-    MOST_UNKNOWNS = MOST_VARIABLES + HORIZON,
     MOST_FLOORS = HORIZON * TENSIONS,
-    MOST_ROWS = MOST_UNKNOWNS + MOST_FLOORS + MOST_VARIABLES,
-    CAPACITY = MOST_UNKNOWNS < MAX_ITERATIONS ? MOST_UNKNOWNS : MAX_ITERATIONS
+    MOST_KNOWN = MOST_VARIABLES + MOST_FLOORS,
+    MOST_ENTRIES = MOST_KNOWN + MOST_VARIABLES + HORIZON
 };
 
-static const double feasible = 1e-11; /* rows that are missed by less are kept, m */
-static const double dependent = 1e-10; /* a row with less of it outside the active rows depends on them */
-static const double accept = 1e-6; /* largest KKT residual of an answer */
-static const double kept = 1e-9; /* a floor that is missed by less is kept, N */
+/* How a search ends. */
+enum { SOLVED, BOUNDED, GIVEN_UP };
 
-/* An active set that was: where the next search begins. Sides are +1 lower, -1 upper. */
-struct memory {
-    int count, row[CAPACITY], side[CAPACITY];
-};
+static const double accept = << number(accept) >>; /* largest KKT residual of an answer whose floors are kept */
+static const double kept = << number(floor_kept) >>; /* a floor that is missed by less is kept, N */

@@ -1,4 +1,4 @@
-/* Rows of the problem without a matrix: bounds, block Toeplitz tension rows, differences. */
+/* Rows without a matrix: by rates tensions are block Toeplitz, inputs are running sums. */
 
 /* y += scale x. */
 static void add_scaled(int n, double scale, const double *restrict x, double *restrict y)
@@ -17,110 +17,76 @@ static double largest_of(int n, const double *x)
     return largest;
 }
 
-/* Tension row k at z, without slack: stage k / TENSIONS, inputs of this and of earlier stages. */
-static double tension_of(int k, const double *z)
+static int is_row(int e)
 {
-    int stage = k / TENSIONS, i = k % TENSIONS;
-    double sum = 0.0;
-    for (int j = 0; j <= stage; j++) {
-        const double *block = self.problem->tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
-        sum += dot(INPUTS, block, z + j * INPUTS);
-    }
-    return sum;
+    return e >= self.variables && e < self.slacks_from;
 }
 
-static double row_at(int row, const double *z)
+/* y += scale times the row of a tension or an input. */
+static void add_row(int row, double scale, double *y)
 {
-    if (row < self.unknowns) {
-        return z[row];
-    }
-    row -= self.unknowns;
-    if (row < self.floors) {
-        return tension_of(row, z) + (self.relaxed ? z[self.variables + row / TENSIONS] : 0.0);
-    }
-    row -= self.floors;
-    return row < INPUTS ? z[row] : z[row] - z[row - INPUTS];
-}
-
-/* x += scale times the row; the first entry that may differ from 0 is returned. */
-static int add_row(int row, double scale, double *x)
-{
-    if (row < self.unknowns) {
-        x[row] += scale;
-        return row;
-    }
-    row -= self.unknowns;
-    if (row >= self.floors) {
-        row -= self.floors;
-        x[row] += scale;
-        if (row >= INPUTS) {
-            x[row - INPUTS] -= scale;
+    if (row >= self.inputs_from) {
+        int last = row - self.inputs_from;
+        for (int j = last % INPUTS; j <= last; j += INPUTS) {
+            y[j] += scale;
         }
-        return row < INPUTS ? row : row - INPUTS;
+        return;
     }
-    int stage = row / TENSIONS, i = row % TENSIONS;
+    int stage = (row - self.variables) / TENSIONS, i = (row - self.variables) % TENSIONS;
     for (int j = 0; j <= stage; j++) {
-        const double *block = self.problem->tension_block + ((stage - j) * TENSIONS + i) * INPUTS;
-        add_scaled(INPUTS, scale, block, x + j * INPUTS);
+        const double *block = self.problem->tension_rows + ((stage - j) * TENSIONS + i) * INPUTS;
+        add_scaled(INPUTS, scale, block, y + j * INPUTS);
     }
-    if (self.relaxed) {
-        x[self.variables + stage] += scale;
-    }
-    return 0;
+    y[self.slacks_from + stage] += scale;
 }
 
-/* Whether the row is one of this problem: slacks belong to the relaxed one only. */
-static int in_problem(int row)
+/* Values of all entries move with a rate or a slack. */
+static void add_moved(int e, double by, double *value)
 {
-    return self.relaxed || row < self.variables || row >= self.unknowns;
-}
-
-/* y = W x, x zero before `first`. */
-static void to_image(int first, const double *x, double *y)
-{
-    for (int i = 0; i < self.variables; i++) {
-        const double *w = self.problem->W + (size_t)i * (i + 1) / 2;
-        y[i] = dot(i + 1 - first, w + first, x + first);
+    value[e] += by;
+    if (e < self.variables) {
+        int stage = e / INPUTS, stages = self.problem->stages;
+        const double *column = self.problem->tension_by_rate + (e % INPUTS) * stages * TENSIONS;
+        add_scaled((stages - stage) * TENSIONS, by, column, value + self.variables + stage * TENSIONS);
+        for (int j = e; j < self.variables; j += INPUTS) {
+            value[self.inputs_from + j] += by;
+        }
+        return;
     }
-    for (int i = self.variables; i < self.size; i++) {
-        y[i] = x[i] / sqrt(self.problem->curvature);
-    }
-}
-
-/* z = z0 + W' y. */
-static void from_image(const double *y, const double *z0, double *z)
-{
-    memcpy(z, z0, self.unknowns * sizeof z[0]);
-    for (int i = 0; i < self.variables; i++) {
-        const double *w = self.problem->W + (size_t)i * (i + 1) / 2;
-        add_scaled(i + 1, y[i], w, z);
-    }
-    for (int i = self.variables; i < self.size; i++) {
-        z[i] += y[i] / sqrt(self.problem->curvature);
+    double *tension = value + self.variables + (e - self.slacks_from) * TENSIONS;
+    for (int i = 0; i < TENSIONS; i++) {
+        tension[i] += by;
     }
 }
 
-/* y = H z. */
-static void curved(const double *z, double *y)
+/* Slope moves with a rate or a slack. */
+static void add_curved(int e, double by, double *slope)
 {
-    memset(y, 0, self.unknowns * sizeof y[0]);
-    for (int i = 0; i < self.variables; i++) {
-        const double *h = self.problem->H + (size_t)i * (i + 1) / 2;
-        add_scaled(i, z[i], h, y);
-        y[i] = dot(i + 1, h, z);
-    }
-    for (int i = self.variables; i < self.size; i++) {
-        y[i] = self.problem->curvature * z[i];
+    if (e < self.variables) {
+        add_scaled(self.variables, by, self.problem->G + (size_t)e * (size_t)self.variables, slope);
+    } else {
+        slope[e] += by * self.problem->curvature;
     }
 }
 
-/* Size of W times the row. */
-static double image_size(int row)
+/* Tensions and inputs of the rates and slacks. */
+static void see_values(void)
 {
-    double slack = 1.0 / self.problem->curvature;
-    if (row >= self.variables && row < self.unknowns) {
-        return sqrt(slack);
+    for (int e = self.variables; e < self.slacks_from; e++) {
+        self.value[e] = 0.0;
     }
-    double own = row < self.variables ? self.problem->row_size[row] : self.problem->row_size[row - self.problem->stages];
-    return self.relaxed && row >= self.unknowns && row < self.rates_from ? sqrt(own * own + slack) : own;
+    for (int e = 0; e < self.entries; e++) {
+        if (!is_row(e)) {
+            double value = self.value[e];
+            self.value[e] = 0.0;
+            add_moved(e, value, self.value);
+        }
+    }
+}
+
+/* How far a value is below its lower or above its upper limit; negative within both. */
+static double outside(int e)
+{
+    double below = self.lower[e] - self.value[e], above = self.value[e] - self.upper[e];
+    return below > above ? below : above;
 }

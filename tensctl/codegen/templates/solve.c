@@ -1,57 +1,67 @@
-/* State a problem without slack: f, the minimum without limits, floors and the slacks' bounds. The caller bounds the
- * variables and their changes. */
+static const double fine = << number(fine) >>; /* largest KKT residual of an answer whose floors give way */
+static const double astray = << number(astray) >>; /* a rate further out has lost its way among pivots near nothing, m */
+
+/* State a problem whose floors are hard: slope at no rates, minimum without limits, floors. The caller bounds rates and
+ * inputs. */
 static void pose(const struct problem *problem, const double *given, const double *margin)
 {
     self.problem = problem;
     self.relaxed = 0;
-    self.size = self.variables = problem->stages * INPUTS;
-    self.unknowns = self.variables + problem->stages;
-    self.floors = problem->stages * TENSIONS;
-    self.rates_from = self.unknowns + self.floors;
-    self.rows = self.rates_from + self.variables;
-    memset(self.f, 0, sizeof self.f);
-    memset(self.free_optimum, 0, sizeof self.free_optimum);
-    add_product(self.variables, problem->given, 1.0, problem->f_from, given, self.f);
-    add_product(self.variables, problem->given, 1.0, problem->optimum_from, given, self.free_optimum);
-    for (int k = self.variables; k < self.rates_from; k++) {
-        self.lower[k] = k < self.unknowns ? 0.0 : -margin[k - self.unknowns];
-        self.upper[k] = HUGE_VAL;
+    self.variables = problem->stages * INPUTS;
+    self.inputs_from = self.variables + problem->stages * TENSIONS;
+    self.slacks_from = self.inputs_from + self.variables;
+    self.entries = self.slacks_from + problem->stages;
+    memset(self.gradient, 0, sizeof self.gradient);
+    memset(self.value, 0, sizeof self.value);
+    add_product(self.variables, problem->given, 1.0, problem->slope_from, given, self.gradient);
+    add_product(self.variables, problem->given, 1.0, problem->optimum_from, given, self.value);
+    see_values();
+    memcpy(self.unlimited, self.value, sizeof self.unlimited);
+    for (int k = 0; k < problem->stages * TENSIONS; k++) {
+        self.lower[self.variables + k] = -margin[k];
+        self.upper[self.variables + k] = HUGE_VAL;
     }
-    add_product(self.floors, problem->seen, -1.0, problem->tension_from, given, self.lower + self.unknowns);
+    add_product(problem->stages * TENSIONS, problem->seen, -1.0, problem->tension_from, given, self.lower + self.variables);
+    for (int s = 0; s < problem->stages; s++) {
+        self.lower[self.slacks_from + s] = 0.0;
+        self.upper[self.slacks_from + s] = HUGE_VAL;
+    }
 }
 
-/* Tension floors give way by one slack a stage, at a price that cost never pays. */
+/* Floors give way by one slack a stage, at a price that cost never pays. */
 static void relax_problem(void)
 {
-    double steepest = largest_of(self.variables, self.f);
-    double farthest = 1e-3 * self.problem->largest * largest_of(self.variables, self.lower + self.rates_from);
-    double price = self.problem->price * (steepest > farthest ? steepest : farthest);
+    double farthest = 1e-3 * self.problem->largest * largest_of(self.variables, self.lower);
+    memcpy(self.change, self.gradient, sizeof self.gradient);
+    by_inputs(self.change);
+    double price = self.problem->price * larger(largest_of(self.variables, self.change), farthest);
     self.relaxed = 1;
-    self.size = self.unknowns;
-    for (int k = self.variables; k < self.unknowns; k++) {
-        self.f[k] = price;
-        self.free_optimum[k] = -price / self.problem->curvature;
+    for (int s = 0; s < self.problem->stages; s++) {
+        self.gradient[self.slacks_from + s] = price;
     }
 }
 
-/* Solve the hard problem, then the relaxed one; 1 when there is an answer. */
-static int solved(const struct memory *last)
+/* Solve the hard problem, then from the guess the relaxed one. */
+static int solved(const double *guess)
 {
-    for (int attempt = 0; attempt < 2; attempt++) {
-        if (attempt == 1) {
-            relax_problem();
-        }
-        if (optimised(last)) {
-            self.report.kkt = kkt_residual();
-            if (self.report.kkt <= accept) {
-                return 1;
-            }
-        }
-        self.report.kkt = -1.0;
-        if (self.iterations >= MAX_ITERATIONS) {
-            break;
+    int ended = search_dual();
+    self.report.iterations += self.iterations;
+    if (ended == SOLVED) {
+        self.report.kkt = kkt_residual();
+        if (self.report.kkt <= accept) {
+            return SOLVED;
         }
     }
-    self.active = 0;
-    return 0;
+    relax_problem();
+    self.report.kkt = -1.0;
+    ended = search_primal(guess);
+    self.report.iterations += self.iterations;
+    for (int j = 0; j < self.variables; j++) {
+        ended = outside(j) > astray ? GIVEN_UP : ended;
+    }
+    if (ended == GIVEN_UP) {
+        return GIVEN_UP;
+    }
+    self.report.kkt = kkt_residual();
+    return self.report.kkt <= fine ? SOLVED : BOUNDED;
 }

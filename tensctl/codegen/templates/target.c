@@ -17,17 +17,18 @@ static void aim(void)
     }
     pose(&target_problem, given, margin_rest);
     for (int i = 0; i < INPUTS; i++) {
-        self.lower[i] = self.lower[self.rates_from + i] = target_lower[i];
-        self.upper[i] = self.upper[self.rates_from + i] = target_upper[i];
+        self.lower[i] = target_lower[i];
+        self.upper[i] = target_upper[i];
+        self.lower[self.inputs_from + i] = -HUGE_VAL; /* of one stage rates are inputs */
+        self.upper[self.inputs_from + i] = HUGE_VAL;
     }
-    if (solved(&self.last_target)) {
+    if (solved(self.target + STATES) != GIVEN_UP && self.report.kkt <= accept) {
         memset(self.target, 0, sizeof self.target);
         for (int i = 0; i < INPUTS; i++) {
-            self.target[STATES + i] = clipped(self.z[i], target_lower[i], target_upper[i]);
+            self.target[STATES + i] = clipped(self.value[i], target_lower[i], target_upper[i]);
             self.beside[i] = self.target[STATES + i] - (near[i] - input_rest[i]);
         }
         add_product(STATES, INPUTS, 1.0, rest_from_inputs, self.target + STATES, self.target);
         add_product(STATES, SENSORS, 1.0, rest_from_disturbances, d, self.target);
     }
-    remember(&self.last_target, 0);
 }

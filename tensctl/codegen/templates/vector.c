@@ -35,6 +35,23 @@ static int all_finite(int n, const double *x)
 }
 
 {% endif %}
+{% if kind == "mpc" %}
+static double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+static double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static double cube(double x)
+{
+    return x * x * x;
+}
+
+{% endif %}
 static double clipped(double value, double lower, double upper)
 {
     value = value < lower ? lower : value;
