@@ -8,7 +8,8 @@ import sys
 import numpy as np
 
 CC = [shutil.which("cc")] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
-STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Wvla", "-Wframe-larger-than=8192", "-Werror"]
+STRICT = ["-std=c99", "-O2", *WARNINGS]
 ALLOCATORS = ("malloc", "calloc", "realloc", "free", "aligned_alloc")
 
 # Reads measurements and writes outcome, command, until the input ends.

@@ -4,7 +4,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from compiled import ALLOCATORS, CC, PLAYER, Compiled, build, flat, links, played
+from compiled import ALLOCATORS, CC, PLAYER, STRICT, Compiled, build, flat, links, played
 from support import MIXED_PINS, network_scene, random_motion, shell_scene, solved
 
 import tensctl as tc
@@ -348,7 +348,7 @@ class TestAlone:
         import sys
 
         folder = steered[2]
-        command = [sys.executable, "-m", "ziglang", "cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-c"]
+        command = [sys.executable, "-m", "ziglang", "cc", *STRICT, "-c"]
         subprocess.run([*command, str(folder / "controller.c"), "-o", str(tmp_path / "controller.o")], check=True)
 
     def test_only_the_mathematics_of_c_is_included(self, steered):

@@ -3,7 +3,7 @@
     u = -K x,   u = -(C xi + C_u u),   or the first input of the condensed QP; all clipped to the hard limits
 
 The source is C99 and needs math.h and string.h. It allocates nothing, keeps all that it remembers in one static struct,
-and bounds its own work: a QP that takes more iterations than allowed is answered by the last plan.
+and bounds its own work: a search that takes more than allowed ends with a plan that is no worse than the last one.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
     path : path
         A file `NAME.c`, or a folder that exists, for `controller.c`; the header stands beside it.
     max_iterations : int, optional
-        Most changes of the active set in one step of an MPC, ten times its unknowns by default. A step that needs more
-        answers with its last plan.
+        Most changes of the active set in each of the two searches of an MPC's step, ten times its unknowns by default;
+        as in Python, multiplications are bounded too.
 
     Raises
     ------

@@ -58,7 +58,7 @@ def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
             ("GIVEN", len(mpc.linear.states) + len(inputs) + wanted["wanted"], "state, inputs and what is wanted"),
             ("COURSE", samples, "samples after which the reference rests"),
             ("LAST_SAMPLE", max(samples, wanted["last"]), "after which all is constant"),
-            ("MAX_ITERATIONS", max_iterations or 10 * unknowns, "changes of the active set in a step"),
+            ("MAX_ITERATIONS", max_iterations or 10 * unknowns, "changes of the active set in a search"),
             ("ROOM", qp_primal.bounds(variables, mpc.horizon)[1], "for a primal basis"),
             ("DUAL_ROOM", min(variables, qp_dual.usual_room(variables)), "for a dual one"),
         ],

@@ -82,11 +82,12 @@ static void turned(const struct rod *rod, const double *vector, const double *tu
 }
 
 /* Coordinates of the rods about the equilibrium, and their rates. */
-static void rod_coordinates(const struct rod *rods, const double *nodes, const double *velocities, double *xi, double *xi_rate)
+static void rod_coordinates(const struct chart *chart, const double *nodes, const double *velocities, double *xi,
+                            double *xi_rate)
 {
     int at = 0;
     for (int r = 0; r < RODS; r++) {
-        const struct rod *rod = &rods[r];
+        const struct rod *rod = &chart->rods[r];
         const double *tail = nodes + 3 * rod->tail, *head = nodes + 3 * rod->head;
         const double *tail_rate = velocities + 3 * rod->tail, *head_rate = velocities + 3 * rod->head;
         double vector[3], turning[3], tau[3], tau_rate[3];
@@ -117,9 +118,9 @@ static void state_of(const struct chart *chart, const double *nodes, const doubl
 {% if charts[0].pieces %}
     double seen[3 * NODES], seen_rate[3 * NODES];
     seen_from_frame(chart, nodes, velocities, seen, seen_rate);
-    rod_coordinates(chart->rods, seen, seen_rate, xi, xi_rate);
+    rod_coordinates(chart, seen, seen_rate, xi, xi_rate);
 {% else %}
-    rod_coordinates(chart->rods, nodes, velocities, xi, xi_rate);
+    rod_coordinates(chart, nodes, velocities, xi, xi_rate);
 {% endif %}
     memset(x, 0, STATES * sizeof x[0]);
     add_product(MODES, COORDINATES, 1.0, chart->position, xi, x);

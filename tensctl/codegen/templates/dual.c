@@ -1,5 +1,5 @@
-/* Dual active set after Goldfarb and Idnani (1983), for floors that are kept: from the minimum without limits, the limit
- * p that is furthest out is pushed back while the forces f of those in the basis follow,
+/* Dual active set after Goldfarb and Idnani (1983), for floors that are kept: from the minimum without limits on, the
+ * limit p that is furthest out is pushed back while the forces f of those in the basis follow,
  *   f -= t r,   f_p += t,   values += t (B_p - sum r_j B_j),   r = (B of the basis)^-1 B_p,   B = (1, M) G^-1 (1, M)'
  * until it is kept or a force vanishes, whose limit then leaves. Forces are positive at lower limits. */
 
@@ -9,10 +9,10 @@ static const double no_curvature = << number(search.no_curvature) >>; /* of a li
 /* own += row a of B, which is kept as its lower triangle. */
 static void add_moves(int a, double *own)
 {
-    const double *moves = self.problem->moves;
-    add_scaled(a + 1, 1.0, moves + (size_t)a * (size_t)(a + 1) / 2, own);
+    const double *B = self.problem->moves;
+    add_scaled(a + 1, 1.0, B + (size_t)a * (size_t)(a + 1) / 2, own);
     for (int i = a + 1; i < self.inputs_from; i++) {
-        own[i] += moves[(size_t)i * (size_t)(i + 1) / 2 + (size_t)a];
+        own[i] += B[(size_t)i * (size_t)(i + 1) / 2 + (size_t)a];
     }
 }
 
@@ -125,13 +125,13 @@ static int push_back(int p, double out, double *done)
         }
         times_inverse(self.column, self.turned);
         curvature -= dot(self.count, self.column, self.turned);
-        int moves = curvature > no_curvature * itself;
-        double push = moves ? out / curvature : HUGE_VAL;
+        int loose = curvature > no_curvature * itself;
+        double push = loose ? out / curvature : HUGE_VAL;
         int leaves = first_to_vanish(way, &push);
         if (!(push < HUGE_VAL)) {
             return GIVEN_UP;
         }
-        if (moves) {
+        if (loose) {
             push_values(way * push);
             out -= push * curvature;
         }

@@ -1,12 +1,13 @@
 /* Mean over the rods' mass of a nodal field. */
-static void mean_over_mass(const struct piece *pieces, const double *field, double *mean)
+static void mean_over_mass(const struct chart *chart, const double *field, double *mean)
 {
     double mass = 0.0;
     mean[0] = mean[1] = mean[2] = 0.0;
     for (int r = 0; r < PIECES; r++) {
-        mass += pieces[r].mass;
+        const struct piece *piece = &chart->pieces[r];
+        mass += piece->mass;
         for (int i = 0; i < 3; i++) {
-            mean[i] += pieces[r].mass * 0.5 * (field[3 * pieces[r].tail + i] + field[3 * pieces[r].head + i]);
+            mean[i] += piece->mass * 0.5 * (field[3 * piece->tail + i] + field[3 * piece->head + i]);
         }
     }
     for (int i = 0; i < 3; i++) {
@@ -127,11 +128,12 @@ static void spin_of(double now[3][3], double moving[3][3], double *spin)
 }
 
 /* Nodes and velocities of a free structure as its co-moving frame sees them. */
-static void seen_from_frame(const struct chart *chart, const double *nodes, const double *velocities, double *seen, double *seen_rate)
+static void seen_from_frame(const struct chart *chart, const double *nodes, const double *velocities, double *seen,
+                            double *seen_rate)
 {
     double centre[3], drift[3], fit[3][3] = {{0}}, now[3][3] = {{0}}, moving[3][3] = {{0}}, R[3][3], spin[3];
-    mean_over_mass(chart->pieces, nodes, centre);
-    mean_over_mass(chart->pieces, velocities, drift);
+    mean_over_mass(chart, nodes, centre);
+    mean_over_mass(chart, velocities, drift);
     for (int r = 0; r < PIECES; r++) {
         const struct piece *piece = &chart->pieces[r];
         double middle[3], vector[3], middle_rate[3], vector_rate[3];

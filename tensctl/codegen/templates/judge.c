@@ -6,8 +6,8 @@ static void by_inputs(double *slope)
     }
 }
 
-/* How far the values and forces are from optimal, recomputed from the problem's own data: stationarity by inputs, limits
- * that are broken and forces of limits that are not met, each over the size of its terms. 0 is exact. */
+/* How far the values and forces are from optimal, recomputed from the problem's own data: stationarity by inputs,
+ * limits that are broken and forces of limits that are not met, each over the size of its terms. 0 is exact. */
 static double kkt_residual(void)
 {
     double *pull = self.slope, *push = self.push, *cost = self.slope_change, tiny = 1e-150;

@@ -1,5 +1,5 @@
-/* Primal active set for floors that may give way: every point on its way keeps all limits, and costs no more than the one
- * before. The basis holds what is free of rates and slacks, F, and the rows that act, R, with the inverse of
+/* Primal active set for floors that may give way: every point on its way keeps all limits, and costs no more than the
+ * one before. The basis holds what is free of rates and slacks, F, and the rows that act, R, with the inverse of
  *   [G_FF  R_F']
  *   [R_F     0 ]
  * A step goes to the minimum over the basis or to the first limit on the way; at a minimum the entry with the largest
@@ -7,15 +7,22 @@
 
 enum { LOWER = -1, FREE = 0, UPPER = 1, HELD = 2 };
 
-static const int few_free = << search.few_free >>; /* with more free rates at the start all are held: most will end at limits */
-static const double fixed = << number(search.fixed) >>; /* free curvature over its own: rows that act fix such a rate */
-static const double no_move = << number(search.no_move) >>; /* of the largest component: it does not move */
-static const double drift = << number(search.drift) >>; /* push on what is free, over the largest slope: the inverse is made anew */
-static const int circles = << search.circles >>; /* steps of no length, beyond the basis: it goes in circles */
-static const double at_limit = << number(search.at_limit) >>; /* of the largest range of a rate: a value so near is at its limit */
-static const double no_pivot = << number(search.no_pivot) >>; /* of a pivot with nothing coupled: it is zero */
-static const double wrong_push = << number(search.wrong_push) >>; /* over the largest slope: a push that is none */
-static const double no_way = 1e-13; /* of the largest range of a rate: a step of no length */
+/* With more free rates at the start all are held: most will end at limits. */
+static const int few_free = << search.few_free >>;
+/* Of free curvature over its own: rows that act fix such a rate. */
+static const double fixed = << number(search.fixed) >>;
+/* Of the largest component: what is less does not move. */
+static const double no_move = << number(search.no_move) >>;
+/* Push on what is free, over the largest slope: the inverse is made anew. */
+static const double drift = << number(search.drift) >>;
+/* Steps of no length in a row, beyond twice the basis, after which it goes in circles. */
+static const int circles = << search.circles >>;
+/* Of the largest range of a rate: a value so near a limit is at it, and a step so short has no length. */
+static const double at_limit = << number(search.at_limit) >>, no_way = 1e-13;
+/* Of a pivot with nothing coupled: what is less is zero. */
+static const double no_pivot = << number(search.no_pivot) >>;
+/* Over the largest slope: a push in a wrong direction that is none. */
+static const double wrong_push = << number(search.wrong_push) >>;
 
 static double own_curvature(int e)
 {
@@ -73,11 +80,11 @@ static int enter(int e)
     return 1;
 }
 
-/* Rates that lead to the guess as nearly as all limits allow, and the slacks that they need; how many rates are free, -1
- * where no rates keep all limits. */
-static int see_start(const double *guess, double reach)
+/* Rates that lead to the guess as nearly as all limits allow, and the slacks that they need; how many rates are free,
+ * or -1 where no rates keep all limits. */
+static int see_start(const double *guess, double range)
 {
-    int free = 0;
+    int loose = 0;
     for (int j = 0; j < self.variables; j++) {
         int u = self.inputs_from + j;
         double before = j < INPUTS ? 0.0 : self.value[u - INPUTS];
@@ -87,15 +94,15 @@ static int see_start(const double *guess, double reach)
             return -1;
         }
         double w = clipped(guess[j] - before, low, high);
-        if (w <= self.lower[j] + at_limit * reach && low == self.lower[j]) {
+        if (w <= self.lower[j] + at_limit * range && low == self.lower[j]) {
             w = self.lower[j];
             self.side[j] = LOWER;
-        } else if (w >= self.upper[j] - at_limit * reach && high == self.upper[j]) {
+        } else if (w >= self.upper[j] - at_limit * range && high == self.upper[j]) {
             w = self.upper[j];
             self.side[j] = UPPER;
         } else {
             self.side[j] = FREE;
-            free++;
+            loose++;
         }
         self.value[j] = w;
         self.value[u] = before + w;
@@ -110,7 +117,7 @@ static int see_start(const double *guess, double reach)
         self.side[self.slacks_from + s] = missing > 0.0 ? FREE : LOWER;
         add_moved(self.slacks_from + s, missing, self.value);
     }
-    return free;
+    return loose;
 }
 
 /* Slope and values anew. */
@@ -126,7 +133,7 @@ static void see_slope(void)
 }
 
 /* All that is free, and of each stage whose slack is free the row that needs it most. */
-static void see_first_basis(double reach)
+static void see_first_basis(double range)
 {
     self.count = 0;
     for (int e = 0; e < self.entries; e++) {
@@ -138,7 +145,7 @@ static void see_first_basis(double reach)
     }
     for (int s = 0; s < self.problem->stages; s++) {
         int tightest = -1;
-        double gap = at_limit * reach;
+        double gap = at_limit * range;
         for (int e = self.variables + s * TENSIONS; e < self.variables + (s + 1) * TENSIONS; e++) {
             if (self.value[e] - self.lower[e] < gap) {
                 gap = self.value[e] - self.lower[e];
@@ -332,7 +339,7 @@ static int let_go(int e, int place)
 }
 
 /* From the start to the optimum, or as far as the work reaches; slope, values and multipliers are those of the end. */
-static void improve(double reach)
+static void improve(double range)
 {
     double scale = largest_of(self.variables, self.gradient), done = 4.0 / 3.0 * cube(self.count);
     int idle = 0, since = 0, checked = 0;
@@ -342,12 +349,12 @@ static void improve(double reach)
         since++;
         done += 2.0 * m * m + 2.0 * m * rows;
         double far = see_way();
-        if (far > no_way * reach) {
+        if (far > no_way * range) {
             see_change();
             fraction = first_to_meet(far, &entry, &place);
             go(fraction);
         }
-        idle = fraction * far <= no_way * reach ? idle + 1 : 0;
+        idle = fraction * far <= no_way * range ? idle + 1 : 0;
         if (idle > 2 * self.count + circles || done > self.problem->work || self.iterations >= MAX_ITERATIONS) {
             return;
         }
@@ -408,21 +415,21 @@ static void see_forces(void)
 /* Search from a guess of the inputs; GIVEN_UP where no rates keep all limits. */
 static int search_primal(const double *guess)
 {
-    double reach = 0.0;
+    double range = 0.0;
     self.iterations = 0;
     for (int j = 0; j < self.variables; j++) {
-        reach = larger(reach, self.upper[j] - self.lower[j]);
+        range = larger(range, self.upper[j] - self.lower[j]);
     }
-    int free = see_start(guess, reach);
-    if (free < 0) {
+    int loose = see_start(guess, range);
+    if (loose < 0) {
         return GIVEN_UP;
     }
-    for (int j = 0; free > few_free && j < self.variables; j++) {
+    for (int j = 0; loose > few_free && j < self.variables; j++) {
         self.side[j] = self.side[j] == FREE ? HELD : self.side[j];
     }
     see_slope();
-    see_first_basis(reach);
-    improve(reach);
+    see_first_basis(range);
+    improve(range);
     see_forces();
     return BOUNDED;
 }

@@ -21,7 +21,8 @@ static void pose(const struct problem *problem, const double *given, const doubl
         self.lower[self.variables + k] = -margin[k];
         self.upper[self.variables + k] = HUGE_VAL;
     }
-    add_product(problem->stages * TENSIONS, problem->seen, -1.0, problem->tension_from, given, self.lower + self.variables);
+    add_product(problem->stages * TENSIONS, problem->seen, -1.0, problem->tension_from, given,
+                self.lower + self.variables);
     for (int s = 0; s < problem->stages; s++) {
         self.lower[self.slacks_from + s] = 0.0;
         self.upper[self.slacks_from + s] = HUGE_VAL;
