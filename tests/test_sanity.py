@@ -207,16 +207,6 @@ class TestWarnings:
         run = tc.simulate(dynamics, dynamics.structure.nodes, t_end=0.5)
         assert tc.inspect_run(dynamics, run).warnings[0] == "rods r1 and r2 touch at 0 s."
 
-    def test_a_lag_that_the_controller_does_not_know(self):
-        scene = shell_scene(pins=["P1_*_1"], actuators={"lag": 0.2})
-        dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
-        steered = tc.simulate(dynamics, rest, controller=tc.lqr(tc.linearize(dynamics, rest), dt=0.02), t_end=0.1)
-        loose = tc.simulate(dynamics, rest, t_end=0.1)
-        assert (
-            tc.inspect_run(dynamics, steered).warnings[-1].startswith("actuators follow commands with a lag of 0.2 s")
-        )
-        assert not [w for w in tc.inspect_run(dynamics, loose).warnings if "lag" in w]
-
     def test_thin_rods_that_come_near(self):
         dynamics, start = two_rods()
         assert NEAR * 2.0 > 0.015

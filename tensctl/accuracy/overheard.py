@@ -97,7 +97,7 @@ class _Listener:
         wanted = len(self.mpc.records) % self._every == 0
         stated = self.mpc.statement(t, measurement) if wanted else None
         command = self.mpc.step(t, measurement)
-        asks = np.abs(command - measurement.inputs).max() > _STILL * self.mpc.rate_max * self.dt
+        asks = np.abs(command - measurement.commands).max() > _STILL * self.mpc.rate_max * self.dt
         if stated is not None and asks:
             condensed, limits, hard = stated
             gave_way = self.mpc.records[-1].relaxed > 0

@@ -15,14 +15,17 @@ from functools import cached_property
 from typing import cast, get_args
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float, Inexact
 
 from tensctl.errors import LinearizationError
 from tensctl.linear.frame import best_fit
+from tensctl.linear.harmonic_actuated import ActuatedHarmonic
 from tensctl.linear.harmonic_block import Harmonic, Shown
 from tensctl.linear.harmonic_find import linear_symmetry
 from tensctl.linear.harmonic_inputs import harmonic_gears, input_orbits
 from tensctl.linear.harmonic_map import HarmonicMap
+from tensctl.linear.lag import lag_felt
 from tensctl.linear.linearize import checked_point
 from tensctl.linear.model import LinearModel
 from tensctl.model import Dynamics
@@ -92,6 +95,29 @@ class HarmonicModel:
             result.append(np.concatenate([block.scales * eta[:, 0], eta[:, 1], block.drift.conj().T @ z[:, -1]]))
         return result
 
+    def seen(
+        self, nodes: Float[np.ndarray, "nodes 3"], velocities: Float[np.ndarray, "nodes 3"],
+        inputs: Float[np.ndarray, " nu"],
+    ) -> list[Inexact[np.ndarray, " _"]]:  # fmt: skip
+        """States x_k of the nonlinear structure with its rest-length changes, which are states where actuators lag."""
+        states = self.state_of(nodes, velocities)
+        if not self.lag:
+            return states
+        changes = self.map.waves(np.asarray(inputs) - self.equilibrium.inputs)
+        return [np.concatenate(pair) for pair in zip(states, changes, strict=True)]
+
+    @property
+    def lag(self) -> float:
+        """Lag of the actuators that the states carry, s; see `actuated`."""
+        return self.blocks[0].lag
+
+    @property
+    def actuated(self) -> HarmonicModel:
+        """The model whose inputs are commands, as `LinearModel.actuated`."""
+        if self.lag or not lag_felt(self.dynamics, float(max(block.scales.max(initial=0.0) for block in self.blocks))):
+            return self
+        return replace(self, blocks=tuple(ActuatedHarmonic.of_mechanics(block) for block in self.blocks))
+
     @cached_property
     def _chart(self):
         return self.equilibrium.potential.manifold.chart(self.equilibrium.nodes)
@@ -109,6 +135,8 @@ class HarmonicModel:
     def changed_basis(self, linear: LinearModel) -> list[Inexact[np.ndarray, "_ nx"]]:
         """T_k of x_k = T_k x, with x the state of the dense `linear.flexible`; together unitary.
 
+        With the lag of actuators x is the state of `linear.flexible.actuated`.
+
         Raises
         ------
         LinearizationError
@@ -121,12 +149,15 @@ class HarmonicModel:
         count, result = len(flexible.modes), []
         for block, z in zip(self.blocks, self._weighed(np.hstack([flexible.shapes, drifting])), strict=True):
             mixed, own = block.shapes.conj().T @ z[:, :count], block.omega2.size
-            T = np.zeros((block.nx, len(flexible.order)), mixed.dtype)
+            T = np.zeros((block.motion, len(flexible.order)), mixed.dtype)
             T[:own, :count] = block.scales[:, None] * mixed / flexible.scales
             T[own : 2 * own, count : 2 * count] = mixed
             T[2 * own :, 2 * count :] = block.drift.conj().T @ z[:, count:]
             result.append(T[:, flexible.order])
-        return result
+        if not self.lag:
+            return result
+        inputs = zip(result, self.map.waves(np.eye(self.nu)), strict=True)
+        return [sla.block_diag(T, U) for T, U in inputs]
 
     def circulant(self, row: Float[np.ndarray, "n p q"]) -> list[Inexact[np.ndarray, "p q"]]:
         """Blocks of a block-circulant matrix, M[s, t] = row[(t - s) mod n] between sectors s and t."""

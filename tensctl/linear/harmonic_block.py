@@ -72,9 +72,19 @@ class Harmonic:
         return cls(dynamics, point, k, omega2, vectors / root[:, None], tolerance, drift, gear)
 
     @property
+    def motion(self) -> int:
+        """Number of states of the motion."""
+        return 2 * self.omega2.size + self.drift.shape[1]
+
+    @property
     def nx(self) -> int:
         """Number of states, complex unless the harmonic is real."""
-        return 2 * self.omega2.size + self.drift.shape[1]
+        return self.motion
+
+    @property
+    def lag(self) -> float:
+        """Lag of the actuators that the states carry, s: none here."""
+        return 0.0
 
     @property
     def copies(self) -> int:
@@ -139,7 +149,7 @@ class Harmonic:
     def A(self) -> Inexact[np.ndarray, "nx nx"]:
         """State matrix, 1/s."""
         s, count, k = self.scales, self.omega2.size, np.arange(self.omega2.size)
-        full = np.zeros((self.nx, self.nx), self.shapes.dtype if self.dynamics.damped else float)
+        full = np.zeros((self.motion, self.motion), self.shapes.dtype if self.dynamics.damped else float)
         full[k, count + k], full[count + k, k] = s, -self.omega2 / s
         if self.dynamics.damped:
             full[count:, count:] = -self.damping

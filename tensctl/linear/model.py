@@ -24,6 +24,7 @@ from jaxtyping import Float, Int
 
 from tensctl.errors import LinearizationError
 from tensctl.linear.frame import Frame, best_fit
+from tensctl.linear.lag import lag_felt
 from tensctl.linear.modes import Mode, Modes
 from tensctl.linear.outputs import Output, OutputMap, output_map
 from tensctl.linear.second_order import SecondOrder, second_order
@@ -182,6 +183,30 @@ class LinearModel:
         rigid = tuple(mode for mode in self.modes if mode.kind == "rigid-body")
         return replace(self, modes=kept, drifting=(rigid or self.drifting) if self.dynamics.drag > 0 else ())
 
+    @property
+    def lag(self) -> float:
+        """Lag of the actuators that the states carry, s: none here, see `actuated`."""
+        return 0.0
+
+    @property
+    def mechanics(self) -> LinearModel:
+        """The part whose inputs are rest lengths: this model."""
+        return self
+
+    @property
+    def actuated(self) -> LinearModel:
+        """The model whose inputs are commands; where the scene's actuators lag, rest lengths are further states.
+
+        A lag that turns the fastest mode by less than a billionth of a radian is left out.
+        """
+        if not lag_felt(self.dynamics, float(self.scales.max(initial=0.0))):
+            return self
+        from tensctl.linear.actuated import ActuatedModel
+
+        return ActuatedModel(
+            self.dynamics, self.equilibrium, self.modes, self.outputs_map, self.loaded, self.drifting, self.condensed
+        )
+
     def showing(self, outputs: Output | Sequence[Output]) -> LinearModel:
         """The same model with other outputs."""
         return replace(self, outputs_map=output_map(self.dynamics, self.equilibrium, outputs))
@@ -210,6 +235,13 @@ class LinearModel:
         if self.drifting:
             parts.append(down[count:] @ self._chart.at(seen, drift)[1])
         return np.concatenate(parts)[self.order]
+
+    def seen(
+        self, nodes: Float[np.ndarray, "nodes 3"], velocities: Float[np.ndarray, "nodes 3"],
+        inputs: Float[np.ndarray, " nu"],
+    ) -> Float[np.ndarray, " nx"]:  # fmt: skip
+        """State x of the nonlinear structure with its rest-length changes, which are no states here."""
+        return self.state_of(nodes, velocities)
 
     @cached_property
     def _in_world(self) -> bool:

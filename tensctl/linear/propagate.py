@@ -10,8 +10,8 @@ Undamped, every mode eta'' = -z eta + b u goes by itself, z = omega^2, with
 
 cosh and sinh where z < 0, t^k/k! where z = 0. Slow modes keep every digit however fast others are, and nothing
 overflows; the phase of a mode is as exact as the product w t in double precision, eps w t. With dampers modes mix, and
-one matrix exponential of the whole gives F, G0 and G1; its errors are about eps times the norm of A t, in every mode
-alike.
+with lag they follow rest lengths that are states: one matrix exponential of the whole then gives F, G0 and G1; its
+errors are about eps times the norm of A t, in every mode alike.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def stretch(linear: LinearModel, t: float) -> Stretch:
     if t == 0.0:
         nx, nu = linear.B.shape
         return Stretch(np.eye(nx), np.zeros((nx, nu)), np.zeros((nx, nu)))
-    if linear.dynamics.damped:
+    if linear.dynamics.damped or linear.lag:
         sampled = sample_ramped(linear.A, linear.B, t)
         return Stretch(sampled.F, sampled.G0, sampled.G1)
     count, s = len(linear.modes), linear.scales

@@ -72,7 +72,7 @@ def explain(potential: Potential, damping: np.ndarray, drag: float, constraints:
         _term(
             "actuator lag",
             members.lag > 0,
-            f"rest lengths follow commands with {members.lag:g} s, exactly, without a state",
+            f"rest lengths follow commands with {members.lag:g} s, exactly, as a state of controllers only",
             "no lag is asked for",
             4 * int(members.inputs.size),
         ),

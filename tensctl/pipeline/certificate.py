@@ -125,7 +125,8 @@ def _twice(mpc: MPC, run: Run, k: int) -> tuple[float, float]:
 
 
 def _measurement(run: Run, k: int) -> Measurement:
-    return Measurement(run.nodes[k], run.velocities[k], run.lengths[k], run.tensions[k], run.inputs[k])
+    commands = None if run.commands is None else run.commands[k]
+    return Measurement(run.nodes[k], run.velocities[k], run.lengths[k], run.tensions[k], run.inputs[k], commands)
 
 
 def _as_then(mpc: OutputMPC, run: Run, k: int) -> tuple[OutputMPC, Reading]:

@@ -63,10 +63,14 @@ class Actuators:
             rest -= np.expm1(-seconds / self._tau)[:, None] * self.lag()
         return self._kept(self.rest, rest)
 
+    def asked_after(self, seconds: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t tendons"]:
+        """Commanded rest lengths some time from now."""
+        return self._kept(self.asked, self.asked + seconds[:, None] * self.rate)
+
     def advance(self, seconds: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t tendons"]:
         """Let time pass to the last of these; rest lengths at each of them."""
         passed = self.after(seconds)
-        self.rest, self.asked = passed[-1], self._kept(self.asked, self.asked + seconds[-1] * self.rate)
+        self.rest, self.asked = passed[-1], self.asked_after(seconds[-1:])[0]
         return passed
 
     def _kept(self, before: np.ndarray, lengths: np.ndarray) -> np.ndarray:

@@ -22,6 +22,8 @@ class Measurement:
     lengths, tensions : (nt,) m, N
     inputs : (nu,) m
         Rest-length changes u as they are now.
+    commands : (nu,) m, optional
+        Those that were asked for until now; `inputs` without lag.
     """
 
     nodes: Float[np.ndarray, "nodes 3"]
@@ -29,6 +31,7 @@ class Measurement:
     lengths: Float[np.ndarray, " tendons"]
     tensions: Float[np.ndarray, " tendons"]
     inputs: Float[np.ndarray, " inputs"]
+    commands: Float[np.ndarray, " inputs"] | None = None
 
 
 class Controller(Protocol):

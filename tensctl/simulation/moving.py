@@ -32,7 +32,8 @@ class Moving:
         self._dynamics, self._choice = dynamics, choice
         self._q, self._v = state
         self.actuators, self._loads = actuators, Loads(dynamics, loads)
-        self._record = Record(times, len(dynamics.structure.rods), len(dynamics.structure.tendons), room)
+        rods, tendons = len(dynamics.structure.rods), len(dynamics.structure.tendons)
+        self._record = Record(times, rods, tendons, room, lags=dynamics.members.lag > 0)
         self._status, self._told = "", 0
         self.delayed = False
         self._due: np.ndarray | None = None
@@ -59,7 +60,8 @@ class Moving:
     def begin(self, t: float) -> None:
         """Record the start, when it is asked for."""
         if self._record.times[0] == t:
-            self._record.put(slice(0, 1), self._q[None], self._v[None], self.actuators.rest[None], self._status)
+            rest, asked = self.actuators.rest[None], self.actuators.asked[None]
+            self._record.put(slice(0, 1), self._q[None], self._v[None], rest, asked, self._status)
 
     def advance(self, t0: float, t1: float) -> None:
         """Move from one edge to the next, and record what lies between."""
@@ -70,8 +72,9 @@ class Moving:
         self._choice.integrator.march(self._q, self._v, times, self._drive(t0, t1), q, v)
         if not np.isfinite(self._q).all():
             raise SimulationError(f"the motion could not be followed beyond {t0:g} s; use a smaller tol.")
-        kept, rest = slice(1, 1 + inside.size), self.actuators.advance(times[1:] - t0)
-        self._record.put(rows, q[kept], v[kept], rest[: inside.size], self._status)
+        kept, asked = slice(1, 1 + inside.size), self.actuators.asked_after(inside - t0)
+        rest = self.actuators.advance(times[1:] - t0)
+        self._record.put(rows, q[kept], v[kept], rest[: inside.size], asked, self._status)
 
     def turn(self, controller: Controller | None) -> None:
         """Forget what is recorded so far, and go on with the next chunk."""
@@ -135,7 +138,8 @@ class Moving:
         nodes, velocities = placed(structure, self._q[None], self._v[None])
         length = structure.lengths_at(nodes[0])
         tension = tensions_at(self._dynamics, nodes, velocities, length[None], rest[None])
-        return Measurement(nodes[0], velocities[0], length, tension[0], self.actuators.inputs)
+        inputs, commands = self.actuators.inputs, self.actuators.asked_inputs
+        return Measurement(nodes[0], velocities[0], length, tension[0], inputs, commands)
 
 
 def _last_record(controller: Controller | None) -> StepRecord | None:

@@ -60,5 +60,6 @@ def _run(data: xarray.Dataset) -> Run:
         evaluations=int(data.attrs["evaluations"]),
         switches=int(data.attrs["switches"]),
         local_errors=float(data.attrs.get("local_errors", np.nan)),
+        commands=data["commands"].values if "commands" in data else None,
         **arrays,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 
@@ -14,11 +16,13 @@ from tensctl.structure import Structure
 class Record:
     """Room for the states at given times, filled from front to back; with `room`, for so many of them at once."""
 
-    def __init__(self, times: np.ndarray, rods: int, tendons: int, room: int | None = None) -> None:
+    def __init__(
+        self, times: np.ndarray, rods: int, tendons: int, room: int | None = None, *, lags: bool = False
+    ) -> None:
         self.times, self.first = times, 0
         room = times.size if room is None else min(room, times.size)
         self._q, self._v = (np.empty((room, rods, 6)) for _ in range(2))
-        self._rest = np.empty((room, tendons))
+        self._rest, self._asked = (np.empty((room, kept)) for kept in (tendons, tendons if lags else 0))
         self._status = np.full(room, "", object)
 
     @property
@@ -29,16 +33,21 @@ class Record:
     def turn_to(self, first: int) -> None:
         """Make room for the times from `first` on; those before are forgotten."""
         self.first, room = first, min(len(self._q), self.times.size - first)
-        self._q, self._v, self._rest, self._status = (a[:room] for a in (self._q, self._v, self._rest, self._status))
+        kept = self._q, self._v, self._rest, self._asked, self._status
+        self._q, self._v, self._rest, self._asked, self._status = (a[:room] for a in kept)
 
     def between(self, t0: float, t1: float) -> slice:
         """Rows of the times after t0 up to t1."""
         return slice(*np.searchsorted(self.times, [t0, t1], side="right"))
 
-    def put(self, rows: slice, q: np.ndarray, v: np.ndarray, rest: np.ndarray, status: str) -> None:
-        """Keep some rows."""
+    def put(
+        self, rows: slice, q: np.ndarray, v: np.ndarray, rest: np.ndarray, asked: np.ndarray, status: str
+    ) -> None:  # fmt: skip
+        """Keep some rows; of what is asked for only where rest lengths lag."""
         rows = slice(rows.start - self.first, rows.stop - self.first)
         self._q[rows], self._v[rows], self._rest[rows], self._status[rows] = q, v, rest, status
+        if self._asked.size:
+            self._asked[rows] = asked
 
     def mark(self, t: float, status: str) -> None:
         """Say what a controller said at time t, when that is kept."""
@@ -46,8 +55,8 @@ class Record:
         if row < self.here.size and self.here[row] == t:
             self._status[row] = status
 
-    def motion(self, dynamics: Dynamics) -> dict[str, np.ndarray]:
-        """What a `Run` holds of all rows: times, nodes, velocities, lengths, tensions, rest lengths, inputs, status."""
+    def motion(self, dynamics: Dynamics) -> dict[str, Any]:
+        """What a `Run` holds of all rows: times, states, lengths, tensions, rest lengths, inputs, commands, status."""
         structure, members = dynamics.structure, dynamics.members
         nodes, velocities = placed(structure, self._q, self._v)
         length = structure.lengths_at(nodes)
@@ -59,6 +68,7 @@ class Record:
             "tensions": tensions_at(dynamics, nodes, velocities, length, self._rest),
             "rest_lengths": self._rest,
             "inputs": members.inputs_of(self._rest),
+            "commands": members.inputs_of(self._asked) if members.lag else None,
             "status": self._status.astype(str),
         }
 

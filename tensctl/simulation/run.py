@@ -29,6 +29,7 @@ class Run:
     nodes, velocities : (t, N, 3) m, m/s
     lengths, tensions, rest_lengths : (t, nt) m, N, m
     inputs : (t, nu) m
+        Rest-length changes as they were.
     input_labels : tuple of str
     status : (t,) str
         What the controller said last; empty without one.
@@ -47,6 +48,8 @@ class Run:
     local_errors : float, m
         Sum of the errors that an adaptive integrator estimated of its steps: about how far places may be off at most,
         while motions that start near each other stay near; nan where steps are not judged.
+    commands : (t, nu) m, or None
+        Rest-length changes as commanded, where actuators lag.
     """
 
     structure: Structure
@@ -70,6 +73,7 @@ class Run:
     switches: int
     why: str = ""
     local_errors: float = np.nan
+    commands: Float[np.ndarray, "t inputs"] | None = None
 
     @property
     def rod_drift(self) -> float:
@@ -125,6 +129,9 @@ class Run:
             "parted": ("sample", self.parted, {"long_name": "tendon that prediction was wrong of, -1 for none"}),
             "structure": ((), json.dumps(self.structure.as_recipe()), {"long_name": "a scene's [structure], as JSON"}),
         }
+        if self.commands is not None:
+            said = {"units": "m", "long_name": "commanded rest-length change"}
+            variables["commands"] = (("time", "input"), self.commands, said)
         coordinates = {
             "time": ("time", self.time, {"units": "s"}),
             "node": list(self.structure.node_labels),

@@ -49,8 +49,6 @@ class Sanity:
         Part of the tendons that carry nothing, 0 to 1; those between two pinned nodes do not count.
     local_errors : float, m
         Those of the run, see `Run`.
-    unforeseen_lag : float, s
-        Lag of actuators that a controller steered without knowing of it; zero without one.
     """
 
     structure: Structure
@@ -62,7 +60,6 @@ class Sanity:
     buckling: Buckling | None
     slack: Float[np.ndarray, " t"]
     local_errors: float
-    unforeseen_lag: float = 0.0
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -123,7 +120,6 @@ def inspect_run(dynamics: Dynamics, run: Run, *, pushes: Sequence[Load] = ()) ->
         buckling=buckling(run.time, forces.largest, members.EI, length) if np.isfinite(members.EI).any() else None,
         slack=_slack(structure, run),
         local_errors=run.local_errors,
-        unforeseen_lag=members.lag if (run.status.astype(str) != "").any() else 0.0,
     )
 
 

@@ -23,12 +23,12 @@ _VISIBLE = 1e-4
 
 
 def warnings_of(sanity: Sanity) -> tuple[str, ...]:
-    """All sentences: rods among each other, rods and tendons, buckling, slack tendons, accuracy, lag."""
+    """All sentences: rods among each other, rods and tendons, buckling, slack tendons, accuracy."""
     rods, tendons = sanity.structure.rod_labels, sanity.structure.segment_labels
     rounding = MET * float(sanity.structure.rod_lengths.max(initial=0.0))
     found = _of_pairs(sanity.rods, rods, rods, "rods {} and {}", rounding)
     found += _of_pairs(sanity.tendons, rods, tendons, "rod {} and tendon {}", rounding)
-    return (*found, *_of_buckling(sanity), *_of_slack(sanity), *_of_errors(sanity), *_of_lag(sanity))
+    return (*found, *_of_buckling(sanity), *_of_slack(sanity), *_of_errors(sanity))
 
 
 def _of_pairs(close: Clearance | None, first, second, name: str, rounding: float) -> list[str]:
@@ -103,13 +103,3 @@ def _of_errors(sanity: Sanity) -> list[str]:
 def _and_more(told: list[str], total: int, one: str, many: str) -> list[str]:
     left = total - len(told)
     return told if not left else [*told[:-1], f"{told[-1]} And {left} more {one if left == 1 else many}."]
-
-
-def _of_lag(sanity: Sanity) -> list[str]:
-    if not sanity.unforeseen_lag:
-        return []
-    return [
-        f"actuators follow commands with a lag of {sanity.unforeseen_lag:g} s, which no controller is designed for: "
-        "each counts on rest lengths that are there at the end of a sample. Margins and poles are those without lag; "
-        "where the loop swings, let inputs cost more."
-    ]

@@ -11,6 +11,9 @@ Weighted outputs y = C e + D v are there when asked for, their wish r when a sig
 known over the horizon and held after it.
 Tension rows are divided by the stiffness: every row is in metres. A stall limit force_max is a row of its own, turned
 about, so that all of them are floors; without one there is no such row.
+
+Where actuators lag, the last states of e are rest lengths and v are commands (`linear.actuated`): floors and limits of
+commands then hold for rest lengths as well, which are always between commands of the past.
 """
 
 from __future__ import annotations
@@ -144,8 +147,8 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights, *, 
 def stage_weights(linear: LinearModel, dt: float, weights: Weights) -> tuple[np.ndarray, np.ndarray]:
     """Q of (e, v), (nx + nu, nx + nu), and R, (nu, nu), of one period."""
     nx, nu = linear.B.shape
-    Q = np.zeros((nx + nu, nx + nu))
-    Q[:nx, :nx] = weights.energy * dt * np.eye(nx)
+    Q, moving = np.zeros((nx + nu, nx + nu)), len(linear.mechanics.A)
+    Q[:moving, :moving] = weights.energy * dt * np.eye(moving)
     if weights.outputs:
         rows = weights.of_outputs(linear).rows
         Q += dt * rows.T @ rows

@@ -25,6 +25,7 @@ from tensctl.synthesis.harmonic_lqr import HarmonicLQR, harmonic_lqr
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR
 from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_weights import Blocks, Costs
+from tensctl.synthesis.lagging import commands_now
 from tensctl.synthesis.loop import Loop, close, separation
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.lyapunov import Lyapunov
@@ -174,7 +175,7 @@ class HarmonicLQG(Estimating):
         """
         self._check_shown(measurement, self.dt, "harmonic_lqg")
         rest, waves = self.linear.equilibrium, self.linear.map.waves
-        change, last = measurement.inputs - rest.inputs, self.state()
+        change, last = commands_now(self.linear, measurement) - rest.inputs, self.state()
         u, y = waves(change), self.filter.outputs.waves(measurement.values - self.sensors.of(rest))
         estimate = [
             e.seen @ (yk - p.D @ uk) for e, p, yk, uk in zip(self.estimators, self.plants, y, u, strict=True)
@@ -239,11 +240,11 @@ def harmonic_lqg(
         What `harmonic_lqr` and `harmonic_kalman` refuse.
     """
     regulator = harmonic_lqr(linear, Q, R, cost=cost, dt=dt)
-    found = harmonic_kalman(linear, sensors, force_noise=force_noise, dt=dt)
+    found = harmonic_kalman(linear.actuated, sensors, force_noise=force_noise, dt=dt)
     sampled = regulator.sampled if isinstance(regulator, HarmonicSampledLQR) else [None] * len(linear.blocks)
     plants = tuple(
         Plant(block.A, block.B, found.outputs.C(block), found.outputs.D(block), own)
-        for block, own in zip(linear.blocks, sampled, strict=True)
+        for block, own in zip(found.linear.blocks, sampled, strict=True)
     )
     gains = zip(plants, found.blocks, regulator.K, strict=True)
     estimators = tuple(kalman_estimator(plant, one.gain, K) for plant, one, K in gains)

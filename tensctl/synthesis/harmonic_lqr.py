@@ -28,6 +28,7 @@ from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR, sampled_d
 from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, name_lost, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks, Costs, checked_costs
+from tensctl.synthesis.lagging import lagging_costs
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.unseen import check_seen_by_harmonic
@@ -125,7 +126,7 @@ class HarmonicLQR(Memoryless):
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""
-        states = self.linear.state_of(measurement.nodes, measurement.velocities)
+        states = self.linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
         return command(self.linear, self.answer(states))
 
     def answer(self, states: Blocks) -> Float[np.ndarray, "nu *columns"]:
@@ -207,14 +208,15 @@ def harmonic_lqr(
         raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
     cross = [None if dt is not None else block.B for block in linear.blocks]
     check_seen_by_harmonic(linear, [(b.A, own, B) for b, own, B in zip(linear.blocks, costs, cross, strict=True)])
+    plant, costs = linear.actuated, lagging_costs(linear, costs)
     try:
         if dt is not None:
-            return sampled_design(linear, costs, dt)
-        solved = by_harmonic(linear, lambda block: optimal(block.A, block.B, costs[block.k]))
+            return sampled_design(plant, costs, dt)
+        solved = by_harmonic(plant, lambda block: optimal(block.A, block.B, costs[block.k]))
     except SynthesisError:
         name_lost(linear, lambda: harmonic_controllability(linear), "driven", "tendons that reach it")
         raise
-    return HarmonicLQR(linear, costs, tuple(one.K for one in solved), tuple(one.P for one in solved))
+    return HarmonicLQR(plant, costs, tuple(one.K for one in solved), tuple(one.P for one in solved))
 
 
 def _stable_sampled(block: Harmonic, K: np.ndarray, dt: float) -> bool:

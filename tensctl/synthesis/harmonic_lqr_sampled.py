@@ -24,6 +24,7 @@ from tensctl.synthesis.harmonic_kalman import harmonic_white_forces
 from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks
+from tensctl.synthesis.lagging import commands_now
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.over_period import integral, ramped_cost
@@ -128,8 +129,8 @@ class HarmonicSampledLQR(Memoryless):
     @one_blas_thread()
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""
-        states = self.linear.state_of(measurement.nodes, measurement.velocities)
-        inputs = self.linear.map.waves(np.asarray(measurement.inputs) - self.linear.equilibrium.inputs)
+        states = self.linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
+        inputs = self.linear.map.waves(commands_now(self.linear, measurement) - self.linear.equilibrium.inputs)
         return command(self.linear, self.answer(states, inputs))
 
     def answer(self, states: Blocks, inputs: Blocks) -> Float[np.ndarray, "nu *columns"]:

@@ -25,6 +25,7 @@ from tensctl.synthesis.estimator import Estimator, Plant, kalman_estimator
 from tensctl.synthesis.feedback import command
 from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.kalman import Kalman, kalman, white_forces
+from tensctl.synthesis.lagging import commands_now, lagging_basis, lagging_cost
 from tensctl.synthesis.loop import Loop, close, separation
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.lyapunov import Lyapunov
@@ -48,7 +49,7 @@ class LQG(Estimating):
     Attributes
     ----------
     linear : LinearModel
-        The flexible model.
+        The flexible model; where actuators lag its last states are rest lengths and its inputs commands.
     sensors : Sensors
         What it is shown.
     basis : (nx, n)
@@ -182,7 +183,7 @@ class LQG(Estimating):
         """
         self._check_shown(measurement, self.dt, "lqg")
         e, rest = self.estimator, self.linear.equilibrium
-        u = measurement.inputs - rest.inputs
+        u = commands_now(self.linear, measurement) - rest.inputs
         estimate = e.seen @ (measurement.values - self.sensors.of(rest) - self.plant.D @ u)
         last = self.state()
         if last:
@@ -256,23 +257,30 @@ def lqg(
     if dt is not None and not (np.isfinite(dt) and dt > 0):
         raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
     cost = checked_cost(flexible, None, None, None, cost)
-    C, D = sensors.rows(flexible)
-    part = controlled_part(flexible, C, only=stabilisable_only)
-    T = part.basis
+    part = controlled_part(flexible, sensors.rows(flexible)[0], only=stabilisable_only)
+    W = part.basis.T @ white_forces(flexible, force_noise) @ part.basis
+    _check_seen(flexible, part.basis, cost, W, dt)
+    driven, cost, T = flexible.actuated, lagging_cost(flexible, cost), lagging_basis(flexible, part.basis)
+    C, D = sensors.rows(driven)
     inside = Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
-    plant = _plant(T.T @ flexible.A @ T, T.T @ flexible.B, C @ T, D, dt)
-    W = T.T @ white_forces(flexible, force_noise) @ T
-    return _design(flexible, sensors, part.left, T, plant, inside, W, order)
+    plant = _plant(T.T @ driven.A @ T, T.T @ driven.B, C @ T, D, dt)
+    W = np.pad(W, (0, T.shape[1] - len(W)))  # no noise on rest lengths
+    return _design(driven, sensors, part.left, T, plant, inside, W, order)
+
+
+def _check_seen(linear: LinearModel, T: np.ndarray, cost: Cost, W: np.ndarray, dt: float | None) -> None:
+    """Refuse undamped modes of the mechanics that the weights do not see or the noise does not drive."""
+    A, inside = T.T @ linear.A @ T, Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
+    check_seen(linear, T, A, inside, T.T @ linear.B if dt is None else None)
+    check_seen(linear, T, A.T, Cost(W, np.zeros((0, 0)), np.zeros((len(W), 0))), sentence=NOISE)
 
 
 def _plant(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float | None) -> Plant:
     return Plant(A, B, C, D, None if dt is None else sample_ramped(A, B, dt))
 
 
-def _design(flexible, sensors, left, T, plant: Plant, cost: Cost, W: np.ndarray, order: int | None) -> LQG:
+def _design(linear, sensors, left, T, plant: Plant, cost: Cost, W: np.ndarray, order: int | None) -> LQG:
     V = np.diag(sensors.noise**2)
-    check_seen(flexible, T, plant.A, cost, plant.B if plant.sampled is None else None)
-    check_seen(flexible, T, plant.A.T, Cost(W, V, np.zeros(plant.C.T.shape)), sentence=NOISE)
     if plant.sampled is None:
         regulator = optimal(plant.A, plant.B, cost)
         found, period_cost = kalman(plant.A, plant.C, W, V), cost
@@ -284,4 +292,4 @@ def _design(flexible, sensors, left, T, plant: Plant, cost: Cost, W: np.ndarray,
     estimator, reduction = kalman_estimator(plant, found.gain, regulator.K), None
     if order is not None:
         estimator, reduction = reduced(plant, estimator, regulator.K, cost.R, order)
-    return LQG(flexible, sensors, T, left, plant, cost, period_cost, regulator, found, estimator, reduction)
+    return LQG(linear, sensors, T, left, plant, cost, period_cost, regulator, found, estimator, reduction)

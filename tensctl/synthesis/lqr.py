@@ -24,6 +24,7 @@ from tensctl.synthesis.crossed import optimal, residual
 from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.kalman import white_forces
+from tensctl.synthesis.lagging import lagging_basis, lagging_cost
 from tensctl.synthesis.lqr_sampled import SampledLQR, sampled_lqr
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.stabilisable import LeftOut, stabilisable
@@ -42,8 +43,9 @@ class LQR(Memoryless):
     Attributes
     ----------
     linear : LinearModel
-        The flexible model that was controlled.
+        The flexible model that was controlled; where actuators lag its last states are rest lengths.
     Q, R, N : weights
+        On its states and inputs.
     K : (nu, nx)
     P : (nx, nx)
         Riccati solution; x'Px is the cost to go.
@@ -118,7 +120,8 @@ class LQR(Memoryless):
 
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""
-        return command(self.linear, -self.K @ self.linear.state_of(measurement.nodes, measurement.velocities))
+        x = self.linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
+        return command(self.linear, -self.K @ x)
 
     def verify(self, tol: float = 1e-9) -> None:
         """Check the Riccati residual and that every pole is stable.
@@ -191,12 +194,13 @@ def lqr(
     T = part.basis
     if not T.shape[1]:
         raise SynthesisError(f"nothing is left to control: {part.left[0]}.")
-    A, B, inside = T.T @ flexible.A @ T, T.T @ flexible.B, Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
-    check_seen(flexible, T, A, inside, B)
-    found = optimal(A, B, inside)
+    inside = Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
+    check_seen(flexible, T, T.T @ flexible.A @ T, inside, T.T @ flexible.B)
+    plant, cost, T = flexible.actuated, lagging_cost(flexible, cost), lagging_basis(flexible, T)
+    found = optimal(T.T @ plant.A @ T, T.T @ plant.B, Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N))
     K = found.K @ T.T
-    period = _sample_time(flexible, K, T)
-    return LQR(flexible, cost.Q, cost.R, cost.N, K, T @ found.P @ T.T, found.residual, T, part.left, period)
+    period = _sample_time(plant, K, T)
+    return LQR(plant, cost.Q, cost.R, cost.N, K, T @ found.P @ T.T, found.residual, T, part.left, period)
 
 
 def _sample_time(linear: LinearModel, K: np.ndarray, T: np.ndarray) -> float:

@@ -21,6 +21,7 @@ from tensctl.synthesis.crossed import optimal, residual
 from tensctl.synthesis.feedback import Measured, Memoryless, command
 from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.kalman import white_forces
+from tensctl.synthesis.lagging import commands_now, lagging_basis, lagging_cost
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.over_period import integral, ramped_cost
 from tensctl.synthesis.stabilisable import LeftOut, Part
@@ -35,14 +36,14 @@ class SampledLQR(Memoryless):
     Attributes
     ----------
     linear : LinearModel
-        The flexible model that was controlled.
+        The flexible model that was controlled; where actuators lag its last states are rest lengths.
     cost : Cost
         Continuous weights.
     period_cost : Cost
         Their integral over a period, as weights on z and u_(k+1).
     sampled : Sampled
     K : (nu, nx + nu)
-        u_(k+1) = -K (x_k, u_k), deviations from the equilibrium.
+        u_(k+1) = -K (x_k, u_k), deviations from the equilibrium; u are commands, and the rest lengths without lag.
     P : (nx + nu, nx + nu)
         z'Pz is the cost to go.
     residual : float
@@ -120,8 +121,8 @@ class SampledLQR(Memoryless):
 
     def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         """Total rest-length change u from L0, m, kept above the rest-length floors."""
-        x = self.linear.state_of(measurement.nodes, measurement.velocities)
-        change = np.asarray(measurement.inputs) - self.linear.equilibrium.inputs
+        x = self.linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
+        change = commands_now(self.linear, measurement) - self.linear.equilibrium.inputs
         return command(self.linear, -self.K @ np.concatenate([x, change]))
 
     def verify(self, tol: float = 1e-9) -> None:
@@ -153,21 +154,19 @@ def sampled_lqr(linear: LinearModel, cost: Cost, part: Part, dt: float) -> Sampl
     """Design on the part of a flexible model that inputs can bring to rest."""
     if not (np.isfinite(dt) and dt > 0):
         raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
-    nu = linear.B.shape[1]
-    sampled = sample_ramped(linear.A, linear.B, dt)
-    period_cost = ramped_cost(linear.A, linear.B, cost, dt)
-    x = part.basis
+    x, nu = part.basis, linear.B.shape[1]
+    check_seen(linear, x, x.T @ linear.A @ x, Cost(x.T @ cost.Q @ x, cost.R, x.T @ cost.N))
+    plant, cost, x = linear.actuated, lagging_cost(linear, cost), lagging_basis(linear, x)
+    sampled = sample_ramped(plant.A, plant.B, dt)
+    period_cost = ramped_cost(plant.A, plant.B, cost, dt)
     T = np.block([[x, np.zeros((len(x), nu))], [np.zeros((nu, x.shape[1])), np.eye(nu)]])
     A, B = sampled.with_input_state()
     inside = Cost(T.T @ period_cost.Q @ T, period_cost.R, T.T @ period_cost.N)
-    check_seen(linear, x, x.T @ linear.A @ x, Cost(x.T @ cost.Q @ x, cost.R, x.T @ cost.N))
     try:
         found = optimal(T.T @ A @ T, T.T @ B, inside, sampled=True)
     except SynthesisError as error:
         raise SynthesisError(f"{error} {_hint(linear, dt)}".strip()) from None
-    return SampledLQR(
-        linear, cost, period_cost, sampled, found.K @ T.T, T @ found.P @ T.T, found.residual, T, part.left
-    )
+    return SampledLQR(plant, cost, period_cost, sampled, found.K @ T.T, T @ found.P @ T.T, found.residual, T, part.left)
 
 
 def _hint(linear: LinearModel, dt: float) -> str:

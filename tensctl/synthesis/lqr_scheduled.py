@@ -3,7 +3,8 @@
     u(t + dt) = u_ref(t + dt) - K_k (x - x_ref)(t)
 
 x is the state in the model of k, the planned equilibrium nearest to where the path is at t. The reference carries the
-rods' inertia, so feedback has little to do: errors, and what the tendons cannot pull at.
+rods' inertia, so feedback has little to do: errors, and what the tendons cannot pull at. Where actuators lag, x holds
+the rest lengths and u_ref is the command that keeps them on the path.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
 from tensctl.model import Dynamics
 from tensctl.synthesis.feedback import Measured, Memoryless
+from tensctl.synthesis.lagging import commands_along, commands_now
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
 from tensctl.synthesis.path import ShapePath
@@ -60,11 +62,12 @@ class ScheduledLQR(Memoryless):
         """Total rest-length change u from L0, m, kept above the rest-length floors."""
         path, design = self.path, self.at(t)
         linear = design.linear
-        error = linear.state_of(measurement.nodes, measurement.velocities)
-        error = error - linear.state_of(path.nodes_at(t), path.velocities_at(t))
+        now, ahead = commands_along(path, np.array([t, t + self.dt]), linear.lag, self.dt)
+        error = linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
+        error = error - linear.seen(path.nodes_at(t), path.velocities_at(t), path.inputs_at(t))
         if isinstance(design, SampledLQR):
-            error = np.concatenate([error, np.asarray(measurement.inputs) - path.inputs_at(t)])
-        return np.clip(path.inputs_at(t + self.dt) - design.K @ error, *linear.dynamics.members.input_bounds)
+            error = np.concatenate([error, commands_now(linear, measurement) - now])
+        return np.clip(ahead - design.K @ error, *linear.dynamics.members.input_bounds)
 
     def at(self, t: float) -> Design:
         """The design that acts at time t."""

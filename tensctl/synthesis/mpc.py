@@ -23,6 +23,7 @@ from tensctl.model.tensions import tensions_at
 from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, condense
 from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
+from tensctl.synthesis.lagging import commands_along, commands_now, followed
 from tensctl.synthesis.limits import Ahead, Limits
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.mpc_weights import Weights
@@ -110,7 +111,7 @@ class MPC:
             horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, solver=solver, delay=delay, modes=modes
         )
         check_asked(tension_min, delay, asked.dt)
-        self.linear = below_sampling_limit(linear.flexible, asked.dt, modes)
+        self.linear = below_sampling_limit(linear.flexible, asked.dt, modes).actuated
         self.horizon, self.dt, self.delay = asked.horizon, asked.dt, float(delay)
         self._fast: Fast = modes
         self.tension_min, self.rate_max = float(tension_min), asked.rate_max
@@ -125,6 +126,7 @@ class MPC:
         self._plan: np.ndarray | None = None
         self._command: np.ndarray | None = None
         self._predicted: np.ndarray | None = None
+        self._followed: np.ndarray | None = None
         self.records: list[StepRecord] = []
         if not self.linear.inputs:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
@@ -134,16 +136,16 @@ class MPC:
         for knot in range(len(self.reference.equilibria)):
             self._piece(knot)
         rest = self.linear.equilibrium
-        self.linear.state_of(rest.nodes, 0 * rest.nodes)  # no control step should wait for the kernel
+        self.linear.seen(rest.nodes, 0 * rest.nodes, rest.inputs)  # no control step should wait for the kernel
 
     def reset(self) -> None:
         """Forget the last plan and the records."""
-        self._plan = self._command = self._predicted = None
+        self._plan = self._command = self._predicted = self._followed = None
         self.records = []
 
     def state(self) -> dict[str, np.ndarray]:
-        """All that later steps depend on: last plan (N, nu) m, command and the tensions predicted; none before them."""
-        held = {"plan": self._plan, "command": self._command, "predicted": self._predicted}
+        """All that later steps depend on: last plan (N, nu) m, command, and what is predicted; none before them."""
+        held = {"plan": self._plan, "command": self._command, "predicted": self._predicted, "followed": self._followed}
         return {name: value for name, value in held.items() if value is not None}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -157,6 +159,7 @@ class MPC:
         plan = plan_of(state, self.horizon, len(self.linear.inputs))
         self.reset()
         self._plan, self._command, self._predicted = plan, state.get("command"), state.get("predicted")
+        self._followed = state.get("followed")
 
     @property
     def problem(self) -> Condensed:
@@ -176,12 +179,14 @@ class MPC:
         first rest lengths stay. Inputs that were not measured are taken for those of the last command.
         """
         began = perf_counter()
-        now = self._inputs_now(t, measurement)
-        look = self._seen(measurement, now)
+        now = self._commands_now(t, measurement)
+        inputs = self._inputs_now(measurement, now)
+        look = self._seen(measurement, inputs, now)
         if look is None:
             plan = np.tile(now, (self.horizon, 1)) if self._plan is None else self._continued(self._plan)
             self._predicted = np.full(len(self.linear.dynamics.structure.tendons), np.nan)
-            return self._command_of(plan, now, StepRecord(t, "no measurement", perf_counter() - began, np.nan, 0.0))
+            record = StepRecord(t, "no measurement", perf_counter() - began, np.nan, 0.0)
+            return self._command_of(plan, now, inputs, record)
         part = self._parting(look)
         piece = self.piece_at(t)
         limits = self.limits(t, look)
@@ -189,14 +194,21 @@ class MPC:
         status, relaxed = told(status, 0.0 if status in SOLVERS else limits.shortfall(piece.problem, plan))
         plan = plan + limits.about
         record = StepRecord(t, status, perf_counter() - began, kkt, relaxed, part.gap, part.tendon)
-        command = self._command_of(plan, now, record)
+        command = self._command_of(plan, now, inputs, record)
         self._predicted = self._prediction(t, piece, limits, command)
         return command
 
-    def _command_of(self, plan: np.ndarray, now: np.ndarray, record: StepRecord) -> np.ndarray:
+    def _command_of(
+        self, plan: np.ndarray, now: np.ndarray, inputs: np.ndarray, record: StepRecord
+    ) -> Float[np.ndarray, " nu"]:
         """The first command of a plan of total inputs, within hard limits; plan and record are kept."""
-        under_way = self._command if self.delay else None
-        self._plan, self._command = plan, self.hard.kept(plan[0], now if under_way is None else under_way)
+        before = now if self._command is None or not self.delay else self._command
+        self._plan, self._command = plan, self.hard.kept(plan[0], before)
+        if self.linear.lag:
+            share = 1 - self.delay / self.dt  # of the ramp to the new command that the next sample sees
+            there = before + share * (self._command - before)
+            asked = ((self.delay, now, before), (share * self.dt, before, there))
+            self._followed = followed(self.linear.lag, inputs, asked)
         self.records.append(record)
         return self._command
 
@@ -227,13 +239,21 @@ class MPC:
             return limits.tension_margin[0]
         return piece.problem.margin(self.reference.tensions_at(t + self.dt), self.tension_min)
 
-    def _inputs_now(self, t: float, measurement: Measured | None) -> np.ndarray:
+    def _commands_now(self, t: float, measurement: Measured | None) -> np.ndarray:
+        """What rest-length changes were commanded until now; without lag those that are there."""
         believed = self.reference.inputs_at(t) if self._command is None else self._command
+        return known_inputs(None if measurement is None else commands_now(self.linear, measurement), believed)
+
+    def _inputs_now(self, measurement: Measured | None, commands: np.ndarray) -> np.ndarray:
+        """Rest-length changes as they are, where that was not measured as they follow the commands."""
+        if not self.linear.lag:
+            return commands
+        believed = commands if self._followed is None else self._followed
         return known_inputs(None if measurement is None else measurement.inputs, believed)
 
-    def _seen(self, measurement: Any, inputs: np.ndarray) -> Any:
+    def _seen(self, measurement: Any, inputs: np.ndarray, commands: np.ndarray) -> Any:
         """What a sample tells, with known inputs; None where that is nothing."""
-        return seen(self.linear.dynamics.structure, measurement, inputs)
+        return seen(self.linear.dynamics.structure, measurement, inputs, commands)
 
     def piece_at(self, t: float) -> Piece:
         """The linear model and problem that answer a sample at time t."""
@@ -254,8 +274,8 @@ class MPC:
         piece = self.piece_at(t)
         linear, ahead = piece.linear, self._ahead(piece, t)
         rest = linear.equilibrium.inputs
-        state = linear.state_of(measurement.nodes, measurement.velocities)
-        state, inputs = self._when_it_acts(piece, state, measurement.inputs - rest)
+        state = linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
+        state, inputs = self._when_it_acts(piece, state, commands_now(linear, measurement) - rest)
         return Limits(
             start=np.concatenate([state, inputs + rest]) - ahead.start,
             wanted=self._wanted(piece, t),
@@ -265,7 +285,8 @@ class MPC:
 
     def _ahead(self, piece: Piece, t: float) -> Ahead:
         """What the reference asks of the periods after a sample; computed once where it rests from then on."""
-        if not rests(self.reference, t):
+        since = t - self.dt if self.linear.lag else t  # commands are told from half a period back
+        if not rests(self.reference, since):
             return self._ahead_of(piece, t)
         if self._at_rest is None:
             self._at_rest = self._ahead_of(piece, t)
@@ -273,9 +294,10 @@ class MPC:
 
     def _ahead_of(self, piece: Piece, t: float) -> Ahead:
         reference, acts = self.reference, t + self.delay
-        course = reference.inputs_at(np.append(acts, self._ends(t)))
+        course = commands_along(reference, np.append(acts, self._ends(t)), self.linear.lag, self.dt)
         about, change = course[1:], course[1:] - course[:-1]
-        state = piece.linear.state_of(reference.nodes_at(acts), reference.velocities_at(acts))
+        nodes, velocities = reference.nodes_at(acts), reference.velocities_at(acts)
+        state = piece.linear.seen(nodes, velocities, reference.inputs_at(acts))
         return Ahead(
             np.concatenate([state, course[0]]),
             {
@@ -326,7 +348,7 @@ class MPC:
             linear = self.linear
             if equilibrium is not linear.equilibrium:
                 linear = linearize(linear.dynamics, equilibrium, outputs=()).flexible
-                linear = below_sampling_limit(linear, self.dt, self._fast)
+                linear = below_sampling_limit(linear, self.dt, self._fast).actuated
             problem = condense(linear, self.horizon, self.dt, self.weights, follows=self.signal is not None)
             self._pieces[knot] = Piece(linear, problem, self.delay, self.solver)
         return self._pieces[knot]

@@ -21,6 +21,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
 from tensctl.structure.labels import matches
 from tensctl.synthesis.disturbance import Disturbed, disturbed
+from tensctl.synthesis.lagging import commands_now
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.mpc import MPC
 from tensctl.synthesis.mpc_weights import Weights
@@ -150,7 +151,7 @@ class OutputMPC(MPC):
         missed, relaxed = (float(x) for x in state["target"][-2:])
         target = Target(state["target_state"], state["target"][:-2], missed, relaxed, state["beside"])
         self._memory = estimate, state["inputs"], target
-        self._looked = _Look(Reading(np.zeros(0), state["inputs"]), estimate, target)
+        self._looked = _Look(Reading(np.zeros(0), state["inputs"], state["inputs"]), estimate, target)
 
     @one_blas_thread()
     def step(self, t: float, measurement: Any) -> Float[np.ndarray, " nu"]:
@@ -187,12 +188,12 @@ class OutputMPC(MPC):
     def _remember(self) -> None:
         assert self._looked is not None
         look, rest = self._looked, self.linear.equilibrium.inputs
-        self._memory = look.estimate, look.reading.inputs - rest, look.target
+        self._memory = look.estimate, commands_now(self.linear, look.reading) - rest, look.target
 
-    def _seen(self, measurement: Any, inputs: np.ndarray) -> Reading:
+    def _seen(self, measurement: Any, inputs: np.ndarray, commands: np.ndarray) -> Reading:
         """The reading, with known inputs: the filter goes on without what is missing."""
         missing = np.full(self.sensors.noise.size, np.nan)
-        return Reading(missing if measurement is None else measurement.values, inputs)
+        return Reading(missing if measurement is None else measurement.values, inputs, commands)
 
     def _tensions_of(self, look: Reading) -> tuple[np.ndarray, np.ndarray]:
         """Tensions where sensors read them, and as many deviations as noise stays within."""
@@ -220,7 +221,8 @@ class OutputMPC(MPC):
         nx, target, problem = len(self.linear.A), look.target, self.problem
         d, rest = look.estimate.mean[nx:], self.linear.equilibrium
         piece = self._piece(0)
-        state, inputs = self._when_it_acts(piece, look.estimate.mean[:nx], measurement.inputs - rest.inputs)
+        commands = commands_now(self.linear, measurement) - rest.inputs
+        state, inputs = self._when_it_acts(piece, look.estimate.mean[:nx], commands)
         state = state + self.carried @ d
         at_rest = np.concatenate([target.state, target.inputs])
         margin = self.margin_at_rest + problem.tension @ at_rest + self.tension_shown @ d
@@ -240,15 +242,18 @@ class OutputMPC(MPC):
 
     def _estimated(self, reading: Reading) -> Estimate:
         rest = self.linear.equilibrium
-        u, y = reading.inputs - rest.inputs, reading.values - self.sensors.of(rest)
+        u, y = commands_now(self.linear, reading) - rest.inputs, reading.values - self.sensors.of(rest)
         if self._memory is None:
             before = self.filter.begin()
+            if self.linear.lag:  # rest lengths are known from the start
+                moving, nx = len(self.linear.mechanics.A), len(self.linear.A)
+                before.mean[moving:nx] = reading.inputs - rest.inputs
             return self.filter.update(before, before.mean, y, u)
         before, inputs, _ = self._memory
         return self.filter.update(before, self.filter.predict(before, inputs, u), y, u)
 
     def _rest_under(self, t: float, estimate: Estimate) -> Target:
-        rest, when = self.linear.equilibrium, self._ends(t)[0]
+        rest, when = self.linear.equilibrium, self._arrives(t)
         last = None if self._memory is None else self._memory[2]
         target = self.programme.at(
             estimate.mean[len(self.linear.A) :],
@@ -265,9 +270,13 @@ class OutputMPC(MPC):
         still = np.zeros(rest.inputs.size)
         return Target(np.zeros(len(self.linear.A)), still, np.nan, np.nan, still)
 
+    def _arrives(self, t: float) -> float:
+        """When rest lengths are about where a command computed at a sample wants them, s: a lag after its period."""
+        return float(self._ends(t)[0]) + self.linear.lag
+
     def _path_ahead(self, t: float) -> tuple[Reference, np.ndarray]:
-        """The target is that of the first period's end for the whole horizon."""
-        return self.wanted, np.full(self.horizon, self._ends(t)[0])
+        """The target is that of the first period's end, and of the lag after it, for the whole horizon."""
+        return self.wanted, np.full(self.horizon, self._arrives(t))
 
     def wanted_at(self, t: float) -> np.ndarray:
         """Deviation of what is tracked from the equilibrium's."""

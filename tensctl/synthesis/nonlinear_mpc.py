@@ -73,8 +73,8 @@ class NonlinearMPC:
     SceneError
         A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        Joints or guides, no input, a mode beyond the Nyquist frequency, a motion too fast for the period, or no
-        solution of the terminal Riccati equation.
+        Joints or guides, actuators with lag, no input, a mode beyond the Nyquist frequency, a motion too fast for the
+        period, or no solution of the terminal Riccati equation.
     """
 
     # Who is asked first for a plan (`synthesis.qp_anew`).
@@ -100,6 +100,11 @@ class NonlinearMPC:
             raise SynthesisError(f"iterations is {iterations}; a whole number, at least 1, is expected.")
         if not dynamics.members.gearing.size:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
+        if dynamics.members.lag:
+            raise SynthesisError(
+                f"the actuators lag by {dynamics.members.lag:g} s, and nonlinear MPC counts on rest lengths that "
+                "follow at once; take linear MPC, or a scene without actuators.lag."
+            )
         self.dynamics, self.iterations = dynamics, int(iterations)
         self.horizon, self.dt, self.delay = asked.horizon, asked.dt, asked.delay
         self.tension_min, self.rate_max, self.u_max = float(tension_min), asked.rate_max, asked.u_max

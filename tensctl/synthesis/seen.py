@@ -26,17 +26,24 @@ class Seen:
     ----------
     nodes, velocities : (N, 3) m, m/s
     inputs : (nu,) m
+        Rest-length changes as they are.
     tensions : (nt,) N, or None
         As measured; a sample need not tell them.
+    commands : (nu,) m, or None
+        Rest-length changes as commanded, where actuators lag.
     """
 
     nodes: Float[np.ndarray, "nodes 3"]
     velocities: Float[np.ndarray, "nodes 3"]
     inputs: Float[np.ndarray, " nu"]
     tensions: Float[np.ndarray, " nt"] | None = None
+    commands: Float[np.ndarray, " nu"] | None = None
 
 
-def seen(structure: Structure, measurement: Measured | None, inputs: Float[np.ndarray, " nu"]) -> Seen | None:
+def seen(
+    structure: Structure, measurement: Measured | None, inputs: Float[np.ndarray, " nu"],
+    commands: Float[np.ndarray, " nu"] | None = None,
+) -> Seen | None:  # fmt: skip
     """The sample, with inputs that are known in any case; None where it tells no state of the structure."""
     if measurement is None:
         return None
@@ -45,7 +52,8 @@ def seen(structure: Structure, measurement: Measured | None, inputs: Float[np.nd
     fits = np.abs(stretch).max() <= _FITS  # never of numbers that are missing
     if not (fits and np.isfinite(moving).all()):
         return None
-    return Seen(measurement.nodes, measurement.velocities, inputs, getattr(measurement, "tensions", None))
+    tensions = getattr(measurement, "tensions", None)
+    return Seen(measurement.nodes, measurement.velocities, inputs, tensions, commands)
 
 
 def known_inputs(measured: np.ndarray | None, believed: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:

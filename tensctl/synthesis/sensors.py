@@ -59,10 +59,13 @@ class Reading:
         With noise, in the order of `Sensors.labels`.
     inputs : (nu,) m
         Rest-length changes as they are now; actuators know them.
+    commands : (nu,) m, optional
+        Those that were asked for until now, as far as the measurement tells.
     """
 
     values: Float[np.ndarray, " ny"]
     inputs: Float[np.ndarray, " nu"]
+    commands: Float[np.ndarray, " nu"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +109,7 @@ class Sensors:
     def read(self, state: Measurable | Equilibrium, sample: int) -> Reading:
         """What they show at a sample, by its number."""
         drawn = np.random.default_rng([self.seed, sample]).standard_normal(self.noise.size)
-        return Reading(self.of(state) + self.noise * drawn, np.asarray(state.inputs))
+        return Reading(self.of(state) + self.noise * drawn, np.asarray(state.inputs), getattr(state, "commands", None))
 
     def rows(self, linear: LinearModel) -> tuple[Float[np.ndarray, "ny nx"], Float[np.ndarray, "ny nu"]]:
         """C and D of a linear model of the same structure."""
