@@ -374,6 +374,8 @@ def test_a_scene_asks_for_it(tmp_path):
     assert told["statuses"] == {"daqp": 11}
     assert told["hard_limit_violations"] == told["samples_below_tension_floor"] == 0
     assert told["worst_kkt"] < 1e-9
+    assert told["cvxpy_cost_difference"] < 1e-8
+    assert told["cvxpy_input_difference_m"] < 1e-8
     assert told["variables"] == HORIZON * 21
     assert 0 < told["largest_share_of_u_max"] < 1
     assert told["terminal_riccati_residual"] < 1e-12

@@ -12,8 +12,12 @@ from tensctl.model import Dynamics
 from tensctl.simulation import Measurement, Run
 from tensctl.synthesis import MPC, NonlinearMPC, OutputMPC, Reading
 from tensctl.synthesis.input_limits import input_reach
+from tensctl.synthesis.qp import QP
+from tensctl.synthesis.qp_anew import answer
 from tensctl.synthesis.qp_cvxpy import reference_optimum
+from tensctl.synthesis.qp_cvxpy_nonlinear import reference_step
 from tensctl.synthesis.qp_solvers import SOLVERS
+from tensctl.synthesis.relaxed import relax
 from tensctl.synthesis.weights import Size
 
 _ROUNDING = 1e-12
@@ -32,7 +36,8 @@ class Certificate:
     below_floor : int
         Recorded times at which a taut tendon of the plant was below the tension floor.
     checked_at : float or None, s
-        Time of the step that was stated again; None when every step gave way or fell back.
+        Time of the step that was stated again; None when every step gave way or fell back, or a
+        search that began anew there was bounded.
     cost_difference : float or None
         Difference of the optima of both statements, over the optimum or the cost of a micrometre on every input.
     input_difference : float or None, m
@@ -57,7 +62,7 @@ class Certificate:
 
 
 def certify(mpc: MPC | NonlinearMPC, run: Run) -> Certificate:
-    """Check a run's hard limits; of a linear model also its busiest step."""
+    """Check a run's hard limits, and its busiest step."""
     dynamics = mpc.dynamics if isinstance(mpc, NonlinearMPC) else mpc.linear.dynamics
     members = dynamics.members
     low = run.rest_lengths < members.floors - _ROUNDING
@@ -65,13 +70,13 @@ def certify(mpc: MPC | NonlinearMPC, run: Run) -> Certificate:
     fast = rates > mpc.rate_max * (1 + 1e-9) + _ROUNDING
     lower, upper = mpc.hard.range
     far = (run.inputs < lower - _ROUNDING) | (run.inputs > upper + _ROUNDING)
-    k = None if isinstance(mpc, NonlinearMPC) else _busiest(run)
-    cost, inputs = (None, None) if k is None or isinstance(mpc, NonlinearMPC) else _twice(mpc, run, k)
+    k = _busiest(run)
+    cost, inputs = (None, None) if k is None else _twice(mpc, run, k)
     variables, rows, riccati = _sizes(mpc)
     return Certificate(
         violations=int(sum(broken.any(axis=1).sum() for broken in (low, fast, far))),
         below_floor=_below(mpc, run),
-        checked_at=None if k is None else float(run.time[k]),
+        checked_at=None if k is None or cost is None else float(run.time[k]),
         cost_difference=cost,
         input_difference=inputs,
         variables=variables,
@@ -109,8 +114,10 @@ def _busiest(run: Run) -> int | None:
     return int(np.where(hard, speed, -1.0).argmax()) if hard.any() else None
 
 
-def _twice(mpc: MPC, run: Run, k: int) -> tuple[float, float]:
+def _twice(mpc: MPC | NonlinearMPC, run: Run, k: int) -> tuple[float | None, float | None]:
     """Differences of cost and first input between one step condensed and as a sparse statement in cvxpy."""
+    if isinstance(mpc, NonlinearMPC):
+        return _twice_rolled_out(mpc, run, k)
     t = float(run.time[k])
     shown: Any = _measurement(run, k)
     if isinstance(mpc, OutputMPC):
@@ -119,9 +126,30 @@ def _twice(mpc: MPC, run: Run, k: int) -> tuple[float, float]:
     plan = mpc.solve(t, shown)
     cost, inputs = reference_optimum(problem, limits)
     ours = qp.objective(plan.ravel()) + problem.constant(limits.start, limits.wanted)
+    return _apart(ours, cost, qp), float(np.abs(plan[0] - inputs[0]).max())
+
+
+def _twice_rolled_out(mpc: NonlinearMPC, run: Run, k: int) -> tuple[float | None, float | None]:
+    """The same of a nonlinear step that begins anew at what was measured; None when its search was bounded."""
+    twin = copy(mpc)
+    twin.reset()
+    step = twin.linearised(float(run.time[k]), _measurement(run, k))
+    qp, horizon = step.qp(), mpc.horizon
+    found = answer(qp, horizon)
+    if found is None or found[1].endswith("bounded"):
+        return None, None
+    plan, soft = found[0].reshape(horizon, -1), relax(qp, horizon)
+    price = float(soft.f[-1]), float(soft.H[-1, -1])
+    cost, inputs = reference_step(step, price)
+    give = step.shortfalls(plan)
+    ours = step.cost(plan) + price[0] * give.sum() + 0.5 * price[1] * give @ give
+    return _apart(ours, cost, qp), float(np.abs(plan[0] - inputs[0]).max())
+
+
+def _apart(ours: float, cost: float, qp: QP) -> float:
+    """Difference of two optima, over the larger or the cost of a micrometre on every input."""
     smallest = 0.5 * _MICROMETRE**2 * float(np.trace(qp.H))
-    difference = abs(ours - cost) / max(abs(ours), abs(cost), smallest)
-    return float(difference), float(np.abs(plan[0] - inputs[0]).max())
+    return float(abs(ours - cost) / max(abs(ours), abs(cost), smallest))
 
 
 def _measurement(run: Run, k: int) -> Measurement:

@@ -28,7 +28,7 @@ from tensctl.statics import Equilibrium
 from tensctl.synthesis.feedback import Measured
 from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
 from tensctl.synthesis.mpc_weights import Weights
-from tensctl.synthesis.nonlinear_problem import Bounds, Measure, gauss_newton
+from tensctl.synthesis.nonlinear_problem import Bounds, Linearised, Measure
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_anew import answer
 from tensctl.synthesis.qp_primal import PrimalSolver
@@ -184,12 +184,14 @@ class NonlinearMPC:
 
     def statement(self, t: float, measurement: Measured, plan: Float[np.ndarray, "N nu"]) -> QP:
         """The QP about a plan of total inputs, m; its variables are deviations from the reference."""
+        return self.linearised(t, measurement, plan).qp()
+
+    def linearised(self, t: float, measurement: Measured, plan: Float[np.ndarray, "N nu"] | None = None) -> Linearised:
+        """What the QP about a plan of total inputs, m, is made from; without one, about that which a step begins at."""
         nodes, velocities, now = self._when_it_acts(measurement)
+        measure, plan = self._measure(self.reference.knot_at(t)), self._shifted(t, now) if plan is None else plan
         rollout = self._roll(nodes, velocities, now, plan)
-        measure, ahead = self._measure(self.reference.knot_at(t)), self._ahead(t)
-        bounds = self._bounds(t, now)
-        qp = gauss_newton(measure, self._wanted(t, measure), rollout, plan - ahead, bounds)
-        return replace(qp, guess=(plan - ahead).ravel())
+        return Linearised(measure, self._wanted(t, measure), rollout, plan - self._ahead(t), self._bounds(t, now))
 
     def _when_it_acts(self, measurement: Measured) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Nodes, velocities and inputs when the next command begins to act: the one under way is rolled out."""

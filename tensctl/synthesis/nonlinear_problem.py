@@ -79,16 +79,11 @@ class Bounds:
     limit: Float[np.ndarray, " nT"]
 
 
-def gauss_newton(
-    measure: Measure,
-    wanted: Float[np.ndarray, "N nx"],
-    rollout: Rollout,
-    plan: Float[np.ndarray, "N nu"],
-    bounds: Bounds,
-) -> QP:
-    """The QP in v about a plan.
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """One step's problem about a plan, before anything is condensed.
 
-    Parameters
+    Attributes
     ----------
     measure : Measure
     wanted : (N, nx)
@@ -99,22 +94,52 @@ def gauss_newton(
         Deviations from the reference.
     bounds : Bounds
     """
-    (stages, nu), z = plan.shape, plan.ravel()
-    H, f = np.kron(np.eye(stages), measure.R), np.zeros(z.size)
-    states, slopes = states_and_slopes(measure.linear, rollout.nodes, rollout.velocities)
-    weighs_inputs = bool(measure.Q[states.shape[1] :].any())
-    for k in range(stages):
-        count, last = (k + 1) * nu, k == stages - 1
-        by_inputs = rollout.by_inputs[k].reshape(slopes.shape[2], -1)[:, :count]
-        e, S = states[k] - wanted[k], slopes[k] @ by_inputs
-        if last or weighs_inputs:
-            e, S = np.append(e, plan[k]), np.vstack([S, np.eye(nu, count, count - nu)])
-        pull = S.T @ (measure.P if last else measure.Q[: e.size, : e.size])
-        H[:count, :count] += pull @ S
-        f[:count] += pull @ (e - S @ z[:count])
-    rows = (bounds.side[:, None] * rollout.stretch_by_inputs[:, bounds.tendons]).reshape(-1, z.size)
-    floors = (bounds.side * (bounds.limit - rollout.stretches[:, bounds.tendons])).ravel() + rows @ z
-    change = np.kron(np.eye(stages) - np.eye(stages, k=-1), np.eye(nu))
-    lower = [bounds.lower.ravel(), floors, bounds.change_lower.ravel()]
-    upper = [bounds.upper.ravel(), np.full(floors.size, np.inf), bounds.change_upper.ravel()]
-    return QP(0.5 * (H + H.T), f, np.vstack([rows, change]), np.concatenate(lower), np.concatenate(upper))
+
+    measure: Measure
+    wanted: Float[np.ndarray, "N nx"]
+    rollout: Rollout
+    plan: Float[np.ndarray, "N nu"]
+    bounds: Bounds
+
+    def states(self) -> tuple[Float[np.ndarray, "N nx"], Float[np.ndarray, "N nx columns"]]:
+        """Deviations from the reference's states where the plan leads, and slopes by nodes and velocities."""
+        states, slopes = states_and_slopes(self.measure.linear, self.rollout.nodes, self.rollout.velocities)
+        return states - self.wanted, slopes
+
+    def cost(self, inputs: Float[np.ndarray, "N nu"]) -> float:
+        """What the linearised problem charges for deviations of inputs, m."""
+        deviations, slopes = self.states()
+        away = (inputs - self.plan).ravel()
+        total, last = 0.0, len(inputs) - 1
+        for k, (e, slope, v) in enumerate(zip(deviations, slopes, inputs, strict=True)):
+            there = np.append(e + slope @ (self.rollout.by_inputs[k].reshape(-1, away.size) @ away), v)
+            total += there @ (self.measure.P if k == last else self.measure.Q) @ there + v @ self.measure.R @ v
+        return 0.5 * float(total)
+
+    def shortfalls(self, inputs: Float[np.ndarray, "N nu"]) -> Float[np.ndarray, " N"]:
+        """By how much the worst limit of tension in each stage is passed, over the stiffness, m; 0 where none is."""
+        bounds, away = self.bounds, (inputs - self.plan).ravel()
+        stretch = (self.rollout.stretches + self.rollout.stretch_by_inputs @ away)[:, bounds.tendons]
+        return (bounds.side * (bounds.limit - stretch)).max(axis=1, initial=0.0)
+
+    def qp(self) -> QP:
+        """The QP in v, condensed; a search for its answer begins at the plan."""
+        (stages, nu), z, measure, bounds = self.plan.shape, self.plan.ravel(), self.measure, self.bounds
+        H, f = np.kron(np.eye(stages), measure.R), np.zeros(z.size)
+        deviations, slopes = self.states()
+        weighs_inputs = bool(measure.Q[deviations.shape[1] :].any())
+        for k in range(stages):
+            count, last = (k + 1) * nu, k == stages - 1
+            by_inputs = self.rollout.by_inputs[k].reshape(slopes.shape[2], -1)[:, :count]
+            e, S = deviations[k], slopes[k] @ by_inputs
+            if last or weighs_inputs:
+                e, S = np.append(e, self.plan[k]), np.vstack([S, np.eye(nu, count, count - nu)])
+            pull = S.T @ (measure.P if last else measure.Q[: e.size, : e.size])
+            H[:count, :count] += pull @ S
+            f[:count] += pull @ (e - S @ z[:count])
+        rows = (bounds.side[:, None] * self.rollout.stretch_by_inputs[:, bounds.tendons]).reshape(-1, z.size)
+        floors = (bounds.side * (bounds.limit - self.rollout.stretches[:, bounds.tendons])).ravel() + rows @ z
+        change = np.kron(np.eye(stages) - np.eye(stages, k=-1), np.eye(nu))
+        lower = np.concatenate([bounds.lower.ravel(), floors, bounds.change_lower.ravel()])
+        upper = np.concatenate([bounds.upper.ravel(), np.full(floors.size, np.inf), bounds.change_upper.ravel()])
+        return QP(0.5 * (H + H.T), f, np.vstack([rows, change]), lower, upper, guess=z)

@@ -24,7 +24,7 @@ def reference_optimum(problem: Condensed, limits: Limits, tol: float = 1e-12) ->
     import cvxpy as cp
 
     n, nu = problem.B.shape
-    N, (Lq, Lp, Lr) = problem.horizon, (_root(M) for M in (problem.Q, problem.P, problem.R))
+    N, (Lq, Lp, Lr) = problem.horizon, (root(M) for M in (problem.Q, problem.P, problem.R))
     s, v = cp.Variable((N + 1, n)), cp.Variable((N, nu))
     before = [limits.start[n - nu :], *(v[k] for k in range(N - 1))]
     rules: list = [s[0] == limits.start]
@@ -52,6 +52,7 @@ def reference_optimum(problem: Condensed, limits: Limits, tol: float = 1e-12) ->
     return float(np.asarray(statement.value, float)), np.asarray(v.value)
 
 
-def _root(M: np.ndarray) -> np.ndarray:
+def root(M: np.ndarray) -> np.ndarray:
+    """W with W'W = M, for sums of squares; what rounding made negative counts as zero."""
     values, vectors = np.linalg.eigh(M)
     return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T

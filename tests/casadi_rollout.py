@@ -1,0 +1,79 @@
+"""A plan rolled out by CasADi: the symbolic model's own Runge-Kutta steps, differentiated by algorithm, state by state.
+
+x_(k+1) = F(x_k, u_k, u_(k+1)),   dx_(k+1) = F_x dx_k + F_0 du_k + F_1 du_(k+1)
+"""
+
+import casadi as ca
+import numpy as np
+
+from tensctl.synthesis.rollout import Rollout
+
+
+def rolled_out(dynamics, dt, steps, nodes, velocities, now, plan):
+    """What `tensctl.synthesis.rollout` gives of the same plan, in as many steps a period."""
+    (N, nu), x = plan.shape, dynamics.pack(nodes, velocities)
+    period, stretch, place = _period(dynamics, dt, steps), _stretch(dynamics), _shown(dynamics)
+    dx, before, found = np.zeros((x.size, plan.size)), np.zeros((nu, plan.size)), []
+    for u, last, now_by in zip(plan, [now, *plan[:-1]], np.eye(plan.size).reshape(N, nu, -1), strict=True):
+        x, *by = (np.array(part) for part in period(x, last, u))
+        dx = by[0] @ dx + by[1] @ before + by[2] @ now_by
+        stretches, *by = (np.array(part) for part in stretch(x, u))
+        nodes, velocities = dynamics.unpack(x.ravel())
+        both = np.array([place @ half for half in np.split(dx, 2)]).reshape(2, -1, 3, plan.size)
+        found.append((nodes, velocities, stretches.ravel(), both, by[0] @ dx + by[1] @ now_by))
+        before = now_by
+    return Rollout(*(np.array(part) for part in zip(*found, strict=True)))
+
+
+def _symbols(dynamics):
+    return [ca.MX.sym(name, dynamics.f.size1_in(k)) for k, name in enumerate("xu")]
+
+
+def _period(dynamics, dt, steps):
+    """One period's end and its derivatives by the state and by the inputs at both its ends."""
+    x, first = _symbols(dynamics)
+    last, h, none, at = ca.MX.sym("last", first.shape[0]), dt / steps, np.zeros(dynamics.f.size1_in(2)), x
+    for n in range(steps):
+        u = [first + (last - first) * (n + part) / steps for part in (0, 0.5, 0.5, 1)]
+        k = [dynamics.f(at, u[0], none)]
+        for part, between in zip((0.5, 0.5, 1), u[1:], strict=True):
+            k.append(dynamics.f(at + part * h * k[-1], between, none))
+        at = _tidy(dynamics, at + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3]))
+    return ca.Function("period", [x, first, last], [at, *(ca.jacobian(at, by) for by in (x, first, last))])
+
+
+def _tidy(dynamics, x):
+    """Rods back to their lengths, no velocity along them."""
+    q, v = ca.vertsplit(x, x.shape[0] // 2)
+    axes, at, places, speeds = dynamics.structure.dimension, 0, [], []
+    for hold, length in zip(dynamics.potential.manifold.hold, dynamics.potential.manifold.lengths, strict=True):
+        if hold == 0:
+            places.append(q[at : at + axes])
+            speeds.append(v[at : at + axes])
+            at += axes
+        if hold != 3:
+            turn, rate = q[at : at + axes], v[at : at + axes]
+            places.append(length * turn / ca.norm_2(turn))
+            speeds.append(rate - ca.dot(turn, rate) / ca.dot(turn, turn) * turn)
+            at += axes
+    return ca.vertcat(*places, *speeds)
+
+
+def _stretch(dynamics):
+    """Every tendon's tension as it would be were it taut, over k or EA/L0, and its derivatives."""
+    (x, u), members = _symbols(dynamics), dynamics.members
+    gear = np.zeros((members.rest_lengths.size, u.shape[0]))
+    gear[members.inputs] = members.gearing.matrix.toarray()
+    length, rest = dynamics.y_l(x), members.rest_lengths - gear @ u
+    half = x.shape[0] // 2
+    growing = ca.jtimes(length, x, ca.vertcat(x[half:], np.zeros(half)))
+    stiffness = members.stiffness / (members.rest_lengths if members.law == "EA" else 1.0)
+    stretch = length - rest if members.law == "k" else members.rest_lengths / rest * (length - rest)
+    stretch += ca.if_else(length > rest, dynamics.damping / stiffness * growing, 0.0)
+    return ca.Function("stretch", [x, u], [stretch, *(ca.jacobian(stretch, by) for by in (x, u))])
+
+
+def _shown(dynamics):
+    """How nodes follow rod coordinates, (3N, nq): the same everywhere."""
+    x, _ = _symbols(dynamics)
+    return np.array(ca.DM(ca.Function("shown", [x], [ca.jacobian(dynamics.y_p(x), x)])(0)))[:, : x.shape[0] // 2]

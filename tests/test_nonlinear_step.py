@@ -1,0 +1,137 @@
+"""A step of nonlinear MPC stated otherwise: CasADi's derivatives, a QP in cvxpy, the nonlinear problem itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from casadi_rollout import rolled_out
+from linear_support import SCENES
+from support import random_motion, shell_scene, solved
+
+import tensctl as tc
+from tensctl.synthesis.qp_anew import answer
+from tensctl.synthesis.qp_cvxpy_nonlinear import reference_step
+from tensctl.synthesis.qp_lazy import solve_lazily
+from tensctl.synthesis.relaxed import relax
+from tensctl.synthesis.rollout import rolling
+
+DT, HORIZON = 0.02, 5
+KINDS = ["mixed pins", "free EA", "free damped", "weight", "cables, pinned damped EA", "plane"]
+
+
+def disturbed(rest, size, seed=1):
+    """A random deviation from rest, always the same but for its size."""
+    rng, manifold = np.random.default_rng(seed), rest.potential.manifold
+    nodes = manifold.retract(rest.nodes, 0.01 * size * rng.standard_normal(manifold.size))
+    velocities = (manifold.tangent(nodes) @ (0.1 * size * rng.standard_normal(manifold.size))).reshape(-1, 3)
+    return tc.Measurement(nodes, velocities, rest.lengths, rest.tensions, rest.inputs)
+
+
+@pytest.fixture(scope="module")
+def steering(mast):
+    return tc.NonlinearMPC(mast[0], mast[1], horizon=HORIZON)
+
+
+@pytest.fixture
+def controller(steering):
+    steering.reset()
+    return steering
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_derivatives_are_those_of_casadi(name, rng):
+    """Slack tendons, clamped dampers, cables: the own tangents are the algorithmic derivatives of the same steps."""
+    dynamics = tc.build_dynamics(SCENES[name])
+    nodes, velocities = random_motion(dynamics.potential, rng, 0.05, 0.5)
+    now = 0.02 * rng.standard_normal(dynamics.members.gearing.size)
+    plan = now + np.cumsum(0.003 * rng.standard_normal((HORIZON, now.size)), axis=0)
+    roll = rolling(dynamics, DT)
+    ours = roll(nodes, velocities, now, plan)
+    theirs = rolled_out(dynamics, DT, roll.steps, nodes, velocities, now, plan)
+    assert name == "plane" or (ours.stretches < 0).any()
+    for part in ("nodes", "velocities", "stretches", "by_inputs", "stretch_by_inputs"):
+        known = getattr(theirs, part)
+        assert np.abs(getattr(ours, part) - known).max() < 1e-12 * np.abs(known).max()
+
+
+class TestStatedInCvxpy:
+    """The answer of a step is the optimum of the problem stated with states, about a plan that CasADi rolled out."""
+
+    def agrees(self, controller, seen, relaxed):
+        step = controller.linearised(0.0, seen)
+        plan = step.plan + controller.reference.inputs_at(0.0)
+        roll = controller._roll
+        known = rolled_out(controller.dynamics, DT, roll.steps, seen.nodes, seen.velocities, seen.inputs, plan)
+        (z, status, kkt), qp = answer(step.qp(), HORIZON), step.qp()
+        soft, found = relax(qp, HORIZON), z.reshape(HORIZON, -1)
+        price = (soft.f[-1], soft.H[-1, -1]) if relaxed else None
+        cost, inputs = reference_step(replace(step, rollout=known), price)
+        give = step.shortfalls(found) * relaxed
+        ours = step.cost(found) + soft.f[-1] * give.sum() + soft.H[-1, -1] / 2 * give @ give
+        assert status.endswith("relaxed") == relaxed
+        assert kkt < 1e-9
+        assert abs(ours - cost) < 1e-8 * cost
+        assert np.abs(found - inputs).max() < 1e-8
+        assert qp.violation(z) < 1e-9 or relaxed
+        return qp, z, give
+
+    @pytest.mark.parametrize(("size", "least"), [(0.05, 0), (1.0, 10), (2.0, 30)])
+    def test_floors_kept(self, mast, controller, size, least):
+        qp, z, _ = self.agrees(controller, disturbed(mast[1], size), relaxed=False)
+        gaps = np.minimum(qp.values(z) - qp.lower, qp.upper - qp.values(z))
+        assert (gaps < 1e-9).sum() >= least
+
+    @pytest.mark.parametrize("size", [4.0, 6.0])
+    def test_floors_that_give_way(self, mast, controller, size):
+        _, _, give = self.agrees(controller, disturbed(mast[1], size), relaxed=True)
+        assert give.max() > 1e-2
+
+    def test_every_tendon_slack(self, mast, controller):
+        dynamics, rest, _ = mast
+        u = -0.35 * dynamics.members.rest_lengths[dynamics.members.inputs]
+        seen = tc.Measurement(rest.nodes, 0 * rest.nodes, rest.lengths, 0 * rest.tensions, u)
+        step = controller.linearised(0.0, seen)
+        assert (step.rollout.stretches[0, step.bounds.tendons] < 0).all()
+        _, _, give = self.agrees(controller, seen, relaxed=True)
+        assert give.max() > 0.1
+
+    def test_stall_limits(self):
+        scene = shell_scene(pins=["P1_*_1"], actuators={"force_max": 13.5})
+        dynamics, rest, _ = solved(scene, outputs=())
+        controller = tc.NonlinearMPC(dynamics, rest, horizon=HORIZON)
+        qp, z, _ = self.agrees(controller, disturbed(rest, 1.0), relaxed=False)
+        stalling = np.flatnonzero(np.tile(controller._limited[1] < 0, HORIZON))
+        assert (qp.A[stalling] @ z - qp.lower[z.size + stalling] < 1e-9).any()
+
+
+def test_iterations_end_where_the_nonlinear_problem_is_stationary(mast, controller):
+    """Lagrangian of the problem itself, each term by a roll-out without derivatives: no way leads down."""
+    dynamics, rest, _ = mast
+    seen, many = disturbed(rest, 2.0), tc.NonlinearMPC(dynamics, rest, horizon=HORIZON, iterations=12)
+    many.step(0.0, seen)
+    plan, ahead = many.state()["plan"], np.tile(rest.inputs, (HORIZON, 1))
+    step = controller.linearised(0.0, seen, plan)
+    qp = step.qp()
+    y = solve_lazily(qp).y
+    pushed = y[qp.f.size : qp.f.size + step.bounds.tendons.size * HORIZON].reshape(HORIZON, -1) * step.bounds.side
+    rest_of_y = y.copy()
+    rest_of_y[qp.f.size : qp.f.size + pushed.size] = 0.0
+    measure = step.measure
+
+    def lagrangian(plan):
+        rollout = controller._roll(seen.nodes, seen.velocities, seen.inputs, plan, columns=False)
+        v, total = plan - ahead, 0.0
+        for k, at in enumerate(zip(rollout.nodes, rollout.velocities, v, strict=True)):
+            there = np.append(measure.linear.state_of(*at[:2]), at[2])
+            weight = measure.P if k == HORIZON - 1 else measure.Q
+            total += 0.5 * there @ weight @ there + 0.5 * at[2] @ measure.R @ at[2]
+        total += (pushed * rollout.stretches[:, step.bounds.tendons]).sum()
+        return total + rest_of_y @ qp.values(v.ravel())
+
+    h, slopes = 1e-5, []
+    for way in np.eye(plan.size):
+        way = h * way.reshape(plan.shape)
+        slopes.append((lagrangian(plan + way) - lagrangian(plan - way)) / (2 * h))
+    terms = np.abs(qp.H @ (plan - ahead).ravel() + qp.f).max()
+    assert (pushed != 0).sum() >= 3
+    assert np.abs(slopes).max() < 1e-8 * terms
