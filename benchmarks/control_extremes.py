@@ -7,7 +7,6 @@ Gains of one group of near frequencies are compared by the root of their sum of 
 gain is. Gains K are compared as R^1/2 K, with the solution of the same A, B, Q and R.
 """
 
-import argparse
 from collections.abc import Iterator
 
 import mpmath as mp
@@ -125,11 +124,7 @@ def designed(linear: LinearModel, cost: Cost | None) -> tuple[str, str, str]:
     )
 
 
-@one_blas_thread()
-def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/controllability.md")
-    docs, rows = parser.parse_args().docs, []
+def rows() -> Iterator[list[str]]:
     for what, value, linear in cases():
         with mp.workdps(DIGITS):
             report = tc.controllability(linear)
@@ -139,12 +134,12 @@ def main() -> None:
             row += [f"{report.hautus.min():.2e}", f"{distances(linear)[0]:.2e}"]
             row += designed(linear, None)
             row += designed(linear, tc.weights(linear, nodes=0.01, rest_lengths=0.05))
-        rows.append(row)
-        print(row, flush=True)
-    text = page.table(HEAD, rows)
-    print(text)
-    if docs:
-        page.write("controllability.md", {"extremes": text})
+        yield row
+
+
+@one_blas_thread()
+def main() -> None:
+    page.tell("controllability.md", "extremes", HEAD, rows())
 
 
 if __name__ == "__main__":

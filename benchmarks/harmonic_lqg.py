@@ -7,7 +7,6 @@ Every tendon's length is measured. Both sides begin at the equilibrium and end a
 thread; processor time. Dense designs stop at 628 states.
 """
 
-import argparse
 import time
 import warnings
 
@@ -76,17 +75,8 @@ def dense_lqg(dynamics, rest, eyes, found: tc.HarmonicLQG, own: float) -> list[s
 
 @one_blas_thread()
 def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/riccati.md")
-    docs, rows = parser.parse_args().docs, []
     warnings.simplefilter("ignore")  # rods that pass through each other are told of; here that is no matter
-    for size in SIZES:
-        rows.append(row(*size))
-        print(rows[-1], flush=True)
-    text = page.table(HEAD, rows)
-    print(text)
-    if docs:
-        page.write("riccati.md", {"filters": text})
+    page.tell("riccati.md", "filters", HEAD, (row(*size) for size in SIZES))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ linear model to the reduced one, one BLAS thread, both in one process. The error
 at the modes' frequencies.
 """
 
-import argparse
 import warnings
 
 import numpy as np
@@ -47,14 +46,8 @@ def row(n: int, m: int) -> list[str]:
 
 @one_blas_thread()
 def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/riccati.md")
-    docs = parser.parse_args().docs
     warnings.simplefilter("ignore")  # rods that pass through each other are told of; here that is no matter
-    text = page.table(HEAD, [row(*size) for size in SIZES])
-    print(text)
-    if docs:
-        page.write("riccati.md", {"fewer": text})
+    page.tell("riccati.md", "fewer", HEAD, (row(*size) for size in SIZES))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """Tables of benchmarks in the pages of the docs: each stands between `<!-- name -->` and `<!-- end -->`."""
 
+import argparse
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -22,3 +24,17 @@ def write(page: str, tables: dict[str, str]) -> None:
         if count != 1:
             raise SystemExit(f"{path} has {count} places for the table {name}; one is expected.")
     path.write_text(text, encoding="utf-8")
+
+
+def tell(page: str, name: str, head: list[str], rows: Iterable[list[object]]) -> None:
+    """Print rows as they come, then the table; with `--docs` on the command line put it into its page."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--docs", action="store_true", help=f"write the table into docs/{page}")
+    docs, made = parser.parse_args().docs, []
+    for row in rows:
+        made.append(row)
+        print(row, flush=True)
+    text = table(head, made)
+    print(text)
+    if docs:
+        write(page, {name: text})

@@ -8,7 +8,6 @@ with gain and sample time; the run ends with the report. Processor time with one
 ways taken in turn in one process, the better of two. Dense LQR stops at (8,4), dense LQG at (5,2).
 """
 
-import argparse
 import tempfile
 import warnings
 from pathlib import Path
@@ -74,18 +73,9 @@ def beside(own: float, dense: float) -> list[str]:
 
 @one_blas_thread()
 def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/riccati.md")
-    docs, rows = parser.parse_args().docs, []
     warnings.simplefilter("ignore")  # rods that pass through each other are told of; here that is no matter
     ran(shell(3, 1), "dense")
-    for size in SIZES:
-        rows.append(row(*size))
-        print(rows[-1], flush=True)
-    text = page.table(HEAD, rows)
-    print(text)
-    if docs:
-        page.write("riccati.md", {"scenes": text})
+    page.tell("riccati.md", "scenes", HEAD, (row(*size) for size in SIZES))
 
 
 if __name__ == "__main__":

@@ -65,7 +65,6 @@ def crowded(now: Equilibrium, clearance: float) -> str | None:
 
 def at_clearance(now: Equilibrium, clearance: Float[np.ndarray, " pairs"]) -> str:
     """Pairs that are as near as they may be, in words; empty when there is none."""
-    gaps, labels = gaps_of(now), now.structure.rod_labels
-    pairs = gaps.pairs[gaps.distance <= clearance * (1 + 1e-4)]
-    names = [f"{labels[a]} and {labels[b]}" for a, b in pairs[:2]]
+    pairs = np.flatnonzero(gaps_of(now).distance <= clearance * (1 + 1e-4))
+    names = [pair_named(now, pair) for pair in pairs[:2].tolist()]
     return f"rods {', '.join(names)}{' ...' * (len(pairs) > 2)} at target.clearance" if names else ""

@@ -44,6 +44,8 @@ class Kept:
 
     def renew(self, value: Any) -> bool:
         """Keep another value at the same address, if its form is the same; whether it is."""
+        if value is self.value:
+            return True
         if not _PLAIN:
             if _kind_of(value)[0] != self._numba_type_:
                 return False

@@ -226,7 +226,7 @@ class Rosenbrock:
 
     def _task(self, drive: Drive) -> Kept:
         """What a march works on, made once for all drives of one form."""
-        if self._kept is None or not (self._kept[0].value is drive or self._kept[0].renew(drive)):
+        if self._kept is None or not self._kept[0].renew(drive):
             kept = Kept(drive)
             self._kept = kept, Kept(Task(self.dynamics.kernel, self._room[0], kept, RODAS5P, self._room[1]))
         return self._kept[1]

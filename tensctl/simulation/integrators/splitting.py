@@ -125,7 +125,7 @@ class Splitting:
 
     def _scenes(self, drive: Drive) -> tuple[Kept, Kept]:
         """Scenes with this drive and room to work in, made once for all drives of one form."""
-        if self._kept is None or not (self._kept[0].value is drive or self._kept[0].renew(drive)):
+        if self._kept is None or not self._kept[0].renew(drive):
             anchor, kept, tables = self.dynamics.layout.anchor, Kept(drive), (TABLES[self.order], LONG[self.order])
             self._kept = kept, scenes(self._rows, anchor, kept, tables, frozen=self.locate)
         return self._kept[1]
