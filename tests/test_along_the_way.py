@@ -99,8 +99,15 @@ def test_what_inertia_takes_is_refused_with_the_time_that_would_do():
     assert path.tensions_at(np.linspace(0, path.ends, 2001))[:, kept].min() >= 0.1
 
 
+@pytest.mark.parametrize("floor", [-1.0, float("nan"), float("inf")])
+def test_a_floor_below_which_tendons_push_is_refused(floor):
+    with pytest.raises(tc.SynthesisError, match=rf"tension_min is {floor}; a number of N from 0 up is expected"):
+        tc.plan_shape(MAST, 1.1, tension_min=floor)
+
+
 def test_inputs_that_inertia_takes_beyond_their_range_are_refused():
-    """Where tensions do not stand in the way, a fifth of a second asks for more than u_max as the mast sets off."""
+    """Where prestress is high, a fifth of a second asks for more than u_max as the mast sets off."""
+    tight = shell_scene(pins=PINS, tendons={"rest_ratio": 0.5, "stiffness": 100.0})
     sentence = r"the input of t1_\S+ comes to .* as it moves, and the .*; allow more time\.$"
     with pytest.raises(tc.SynthesisError, match=sentence):
-        tc.plan_shape(MAST, {"height_scale": 1.1, "duration": 0.2}, tension_min=-500.0, u_max=0.0704)
+        tc.plan_shape(tight, {"height_scale": 1.1, "duration": 0.2}, u_max=0.06)

@@ -17,7 +17,7 @@ from tensctl.synthesis.qp_solvers import SOLVERS, first_choice, new_solver, orde
 from tensctl.synthesis.relaxed import relax
 
 HORIZON, RATE, FLOOR = 10, 0.5, 2.0
-NO_FLOOR = -1e6
+NO_FLOOR = 0.0
 
 
 @pytest.fixture(scope="module")

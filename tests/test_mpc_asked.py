@@ -34,16 +34,21 @@ class TestLargestChange:
 
     def test_is_part_of_the_problem(self, mast, rng):
         """The plan knows it: condensed and in cvxpy, with limits from below and above acting."""
-        _, rest, linear = mast
-        controller = tc.MPC(linear, horizon=6, tension_min=-1e6, u_max=0.004, path=Rough(rest, 1))
-        controller.reference.inputs_at = lambda t: np.broadcast_to(rest.inputs, (*np.shape(t), 21))
-        problem, limits, qp = controller.statement(0.0, shown(mast, rng))
+        controller = tc.MPC(mast[2], horizon=6, tension_min=0.0, u_max=0.0004)
+        problem, limits, qp = controller.statement(0.0, shown(mast, rng, 0.002))
         found = DaqpSolver(qp).solve(qp)
         cost, inputs = reference_optimum(problem, limits)
         plan = found.z.reshape(6, -1)
         assert qp.objective(found.z) + problem.constant(limits.start) == pytest.approx(cost, rel=1e-7)
         assert np.abs(plan[0] - inputs[0]).max() < 1e-7
-        assert (plan.max(), plan.min()) == pytest.approx((0.004, -0.004), abs=1e-12)
+        assert (plan.max(), plan.min()) == pytest.approx((0.0004, -0.0004), abs=1e-12)
+
+    def test_a_floor_below_which_tendons_push_is_refused(self, mast):
+        dynamics, rest, linear = mast
+        with pytest.raises(tc.SynthesisError, match=r"tension_min is -1.0; a number of N from 0 up is expected"):
+            tc.MPC(linear, horizon=2, tension_min=-1.0)
+        with pytest.raises(tc.SynthesisError, match=r"tension_min is -1.0; a number of N from 0 up is expected"):
+            tc.NonlinearMPC(dynamics, rest, horizon=2, tension_min=-1.0)
 
     def test_of_a_motor_each_tendon_keeps_its_own(self):
         gangs = {"top": {"t6_*": 1.0, "t5_1_1": -2.0}}
@@ -64,10 +69,10 @@ class TestLargestChange:
             tc.MPC(mast[2], horizon=2, u_max=wrong)
 
 
-def shown(case, rng):
+def shown(case, rng, reach=0.02):
     """A random disturbance as the controller sees it."""
     rest = case[1]
-    nodes = rest.potential.manifold.retract(rest.nodes, 0.02 * rng.standard_normal(21))
+    nodes = rest.potential.manifold.retract(rest.nodes, reach * rng.standard_normal(21))
     return tc.Measurement(nodes, 0 * nodes, rest.lengths, rest.tensions, rest.inputs)
 
 

@@ -75,17 +75,30 @@ def input_reach(structure: Structure, members: Members, u_max: Size | None) -> F
 
 
 def check_asked(tension_min: float, delay: float, dt: float) -> None:
-    """Refuse a floor that is no number, and a delay longer than a period.
+    """Refuse a floor below which tendons would push, or that is no number, and a delay longer than a period.
 
     Raises
     ------
     SynthesisError
         With the setting and what is expected.
     """
-    if not np.isfinite(tension_min):
-        raise SynthesisError(f"tension_min is {tension_min}; a finite number of N is expected.")
+    check_floor(tension_min)
     if delay > dt:
         raise SynthesisError(f"mpc.delay is {delay} s; a time from 0 to dt = {dt:g} s is expected.")
+
+
+def check_floor(tension_min: float) -> None:
+    """Refuse a floor of tensions, N, below which tendons would push, or that is no number.
+
+    Raises
+    ------
+    SynthesisError
+        With what was given and what is expected.
+    """
+    if not 0 <= tension_min < np.inf:
+        raise SynthesisError(
+            f"tension_min is {tension_min}; a number of N from 0 up is expected: below 0 a tendon would push."
+        )
 
 
 def plan_of(state: Mapping[str, np.ndarray], horizon: int, inputs: int) -> Float[np.ndarray, "N nu"] | None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tensctl.errors import SynthesisError
 from tensctl.statics import Equilibrium, find_equilibrium
 from tensctl.synthesis.all_along import plan_all_along
-from tensctl.synthesis.input_limits import input_range
+from tensctl.synthesis.input_limits import check_floor, input_range
 from tensctl.synthesis.legs import legs_of
 from tensctl.synthesis.path import ShapePath
 from tensctl.synthesis.reference import Hold, refuse_beyond
@@ -51,8 +51,8 @@ def plan_shape(
     Raises
     ------
     SynthesisError
-        A shape out of reach, a start beyond a stall limit or u_max or with rods too near, or a duration too short for
-        the rate limit.
+        A floor below 0, a shape out of reach, a start beyond a stall limit or u_max or with rods too near, or a
+        duration too short for the rate limit.
     """
     start = find_equilibrium(scene) if start is None else start
     if not start.stable:
@@ -64,6 +64,7 @@ def plan_shape(
         raise SynthesisError(f"the path's start has {near}; ask for less, or begin with another shape.")
     if tension_min is None:
         tension_min = 0.0 if scene.mpc is None else scene.mpc.tension_min
+    check_floor(tension_min)
     if scene.mpc is not None:
         rate_max = scene.mpc.rate_max if rate_max is None else rate_max
         u_max = scene.mpc.u_max if u_max is None else u_max
