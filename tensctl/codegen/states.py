@@ -12,6 +12,7 @@ from tensctl.codegen.literals import Table
 from tensctl.errors import OutputError
 from tensctl.synthesis import MPC
 from tensctl.synthesis.piece import Piece
+from tensctl.synthesis.seen import FITS
 
 
 def state_facts(mpc: MPC) -> dict[str, Any]:
@@ -24,6 +25,7 @@ def state_facts(mpc: MPC) -> dict[str, Any]:
         "charts": charts,
         "parts": course.parts,
         "suffixes": course.suffixes,
+        "fits": FITS,
         "tables": (*(rests if mpc.delay else ()), *course.tables, _margins(mpc, course)),
         "times": course.times,
         "sizes": [],

@@ -15,7 +15,7 @@ from tensctl.structure import Structure
 from tensctl.synthesis.feedback import Measured
 
 # Part of its length by which a rod may seem changed: far beyond the noise of any sensor that could control a shape.
-_FITS = 0.5
+FITS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ def seen(
         return None
     ends, moving = measurement.nodes[structure.rods], measurement.velocities[structure.rods]
     stretch = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / structure.rod_lengths - 1.0
-    fits = np.abs(stretch).max() <= _FITS  # never of numbers that are missing
+    fits = np.abs(stretch).max() <= FITS  # never of numbers that are missing
     if not (fits and np.isfinite(moving).all()):
         return None
     tensions = getattr(measurement, "tensions", None)

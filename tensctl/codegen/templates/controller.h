@@ -36,7 +36,11 @@ enum tensctl_outcome {
     TENSCTL_OK = 0,       /* as designed */
     TENSCTL_RELAXED = 1,  /* tension floors cannot all be kept: relaxed by the least */
     TENSCTL_FALLBACK = 2, /* no inputs keep all hard limits as they come: what the last plan would do next */
+{% if kind == "mpc" %}
+    TENSCTL_REFUSED = 3,  /* the measurement tells nothing: what the last plan would do next */
+{% else %}
     TENSCTL_REFUSED = 3,  /* the measurement has an entry that is no number: the last command again */
+{% endif %}
     TENSCTL_BOUNDED = 4   /* the work was over before the optimum: no worse than the last plan; kkt says how far */
 };
 

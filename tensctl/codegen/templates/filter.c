@@ -142,7 +142,7 @@ static void estimate(const double *shown, const double *u)
         add_product(STATES, INPUTS, 1.0, filter_G1, u, self.estimate);
     }
     for (int s = 0; s < SENSORS; s++) {
-        there[s] = isfinite(shown[s]) != 0;
+        there[s] = is_number(shown[s]);
         innovation[s] = there[s] ? shown[s] - sensors_rest[s] : 0.0;
     }
     add_product(SENSORS, INPUTS, -1.0, filter_D, u, innovation);

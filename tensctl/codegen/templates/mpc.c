@@ -14,8 +14,8 @@ static struct {
 {% endif %}
 
     /* Where this step begins: what is given, total inputs that its command departs from, inputs from which z deviates
-     * at every stage, tensions within their limits there, over the scale, m, and what the last plan would do next. */
-    double given[GIVEN], begins[INPUTS], about[MOST_VARIABLES + INPUTS], margin[MOST_FLOORS], guess[MOST_VARIABLES];
+     * at every stage, tensions within their limits there, over the scale, m, and the guess. Inputs are `now`. */
+    double given[GIVEN], now[INPUTS], begins[INPUTS], about[MOST_VARIABLES + INPUTS], margin[MOST_FLOORS], guess[MOST_VARIABLES];
 
     /* The problem that is solved: how many rates and entries, and the first of a kind. */
     const struct problem *problem;
@@ -64,17 +64,28 @@ static void state_problem(const struct problem *problem)
     }
 }
 
+/* Total inputs as they are, by the last command where they are not measured, and those that the command of this step
+ * departs from{% if delay %}: by then the one under way is reached{% endif %}. */
+static void see_inputs(const double *measured)
+{
+    for (int i = 0; i < INPUTS; i++) {
+        self.now[i] = is_number(measured[i]) ? measured[i] : self.command[i];
+    }
+    memcpy(self.begins, << "self.begun ? self.command : self.now" if delay else "self.now" >>, sizeof self.begins);
+}
+
 /* What the last plan would do next, or no change. */
 static void continue_plan(void)
 {
     for (int k = 0; k < MOST_VARIABLES; k++) {
         int next = k + INPUTS < MOST_VARIABLES ? k + INPUTS : k;
-        self.guess[k] = (self.planned ? self.plan[next] : self.begins[k % INPUTS]) - self.about[k + INPUTS];
+        self.plan[k] = self.planned ? self.plan[next] : self.begins[k % INPUTS];
     }
+    self.planned = 1;
 }
 
-/* Take the guess for the answer. */
-static void go_on(void)
+/* Take the plan as it is for the answer. */
+static void keep_plan(void)
 {
     for (int k = 0; k < MOST_VARIABLES; k++) {
         self.value[k] = self.guess[k] - (k < INPUTS ? 0.0 : self.guess[k - INPUTS]);
@@ -94,18 +105,20 @@ static double shortfall(void)
     return worst;
 }
 
-static void answer(const double *measurement)
+/* Plan from what is seen, the old plan being the guess. */
+static void plan_anew(const struct problem *problem)
 {
     static const int outcomes[] = {TENSCTL_RELAXED, TENSCTL_BOUNDED, TENSCTL_FALLBACK};
-    const struct problem *problem = see(measurement);
-{% if signal %}
-    want(measurement);
-{% endif %}
     state_problem(problem);
-    continue_plan();
+    for (int k = 0; k < MOST_VARIABLES; k++) {
+        self.guess[k] = self.plan[k] - self.about[k + INPUTS];
+    }
     int ended = solved(self.guess);
     if (ended == GIVEN_UP) {
-        go_on();
+        keep_plan();
+    }
+    for (int k = 0; k < MOST_VARIABLES; k++) {
+        self.plan[k] = self.value[self.inputs_from + k] + self.about[k + INPUTS];
     }
     self.report.outcome = self.relaxed ? outcomes[ended] : TENSCTL_OK;
     self.report.relaxed = self.relaxed ? shortfall() : 0.0;
@@ -113,12 +126,18 @@ static void answer(const double *measurement)
         self.report.outcome = TENSCTL_OK;
         self.report.relaxed = 0.0;
     }
-    for (int k = 0; k < MOST_VARIABLES; k++) {
-        self.plan[k] = self.value[self.inputs_from + k] + self.about[k + INPUTS];
+}
+
+static void answer(const double *measurement)
+{
+    see_inputs(measurement + << "SENSORS" if sensors else "6 * NODES" >>);
+    continue_plan();
+    const struct problem *problem = see(measurement);
+    if (problem != NULL && all_numbers(STATES + INPUTS, self.given)<< " && want(measurement)" if signal >>) {
+        plan_anew(problem);
     }
     for (int i = 0; i < INPUTS; i++) {
         double near = clipped(self.plan[i], self.begins[i] - reach[i], self.begins[i] + reach[i]);
         self.command[i] = clipped(near, input_lower[i], input_upper[i]);
     }
-    self.planned = 1;
 }

@@ -2,23 +2,20 @@
 
 {% include "target.c" %}
 
-/* State and inputs when the command of this step begins to act, deviations from the target; inputs and tensions there.
- * An input that is not measured is taken for the last command. */
+/* State and inputs when the command of this step begins to act, deviations from the target; inputs and tensions
+ * there. */
 static const struct problem *see(const double *measurement)
 {
-    double now[INPUTS], change[INPUTS], margin[TENSIONS];
+    double change[INPUTS], margin[TENSIONS];
     const double *d = self.estimate + STATES;
     for (int i = 0; i < INPUTS; i++) {
-        double measured = measurement[SENSORS + i];
-        now[i] = isfinite(measured) ? measured : self.command[i];
-        change[i] = now[i] - input_rest[i];
+        change[i] = self.now[i] - input_rest[i];
     }
     estimate(measurement, change);
     aim();
 {% if delay %}
     /* x(delay) = F x + G0 u + G1 u' + E d,   u' the command that is under way: it is reached by then. */
     double coming[INPUTS];
-    memcpy(self.begins, self.begun ? self.command : now, sizeof self.begins);
     for (int i = 0; i < INPUTS; i++) {
         coming[i] = self.begins[i] - input_rest[i];
     }
@@ -29,7 +26,6 @@ static const struct problem *see(const double *measurement)
     add_product(STATES, SENSORS, 1.0, until_E, d, self.given);
 {% else %}
     memcpy(self.given, self.estimate, STATES * sizeof self.given[0]);
-    memcpy(self.begins, now, sizeof self.begins);
 {% endif %}
     for (int i = 0; i < INPUTS; i++) {
         self.given[STATES + i] = self.begins[i] - input_rest[i];

@@ -12,10 +12,31 @@ static const struct until untils[] = {
 };
 
 {% endif %}
-/* State and inputs when the command of this step begins to act, and the course from then on. */
+/* Whether nodes and velocities are those of the structure: to sensors, its rods keep their lengths by half. */
+static int fits(const double *nodes, const double *velocities)
+{
+    for (int r = 0; r < RODS; r++) {
+        const struct rod *rod = &charts[0].rods[r];
+        double square = 0.0;
+        for (int i = 0; i < 3; i++) {
+            double across = nodes[3 * rod->head + i] - nodes[3 * rod->tail + i];
+            square += across * across;
+        }
+        if (!(fabs(sqrt(square) / rod->length - 1.0) <= << number(fits) >>) ||
+            !all_numbers(3, velocities + 3 * rod->tail) || !all_numbers(3, velocities + 3 * rod->head)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* State and inputs when the command of this step begins to act, and the course from then on; nothing where the
+ * measurement tells no state. */
 static const struct problem *see(const double *measurement)
 {
-    const double *now = measurement + 6 * NODES;
+    if (!fits(measurement, measurement + 3 * NODES)) {
+        return NULL;
+    }
     const int at = ahead(0), chosen = course_model[at];
     const double *passed = course_inputs + at * INPUTS;
     double x[STATES];
@@ -23,9 +44,8 @@ static const struct problem *see(const double *measurement)
 {% if delay %}
     const struct until *until = &untils[chosen];
     double change[INPUTS], coming[INPUTS];
-    memcpy(self.begins, self.begun ? self.command : now, sizeof self.begins);
     for (int i = 0; i < INPUTS; i++) {
-        change[i] = now[i] - until->rest[i];
+        change[i] = self.now[i] - until->rest[i];
         coming[i] = self.begins[i] - until->rest[i];
     }
     memset(self.given, 0, sizeof self.given);
@@ -34,7 +54,6 @@ static const struct problem *see(const double *measurement)
     add_product(STATES, INPUTS, 1.0, until->G1, coming, self.given);
 {% else %}
     memcpy(self.given, x, sizeof x);
-    memcpy(self.begins, now, sizeof self.begins);
 {% endif %}
     for (int i = 0; i < STATES; i++) {
         self.given[i] -= course_state[at * STATES + i];

@@ -16,8 +16,8 @@ static double signal_at(double t, int output)
 
 {% endif %}
 /* r: what is wanted of the outputs at the ends of the coming periods<< "" if preview else ", as it is now" >>, over their
- * sizes, deviations from the reference. It follows state and inputs in what is given. */
-static void want(const double *measurement)
+ * sizes, deviations from the reference. It follows state and inputs in what is given; 0 where it is no number. */
+static int want(const double *measurement)
 {
 {% if signal == "table" %}
     (void)measurement;
@@ -37,4 +37,5 @@ static void want(const double *measurement)
 {% endif %}
         }
     }
+    return all_numbers(HORIZON * OUTPUTS, self.given + STATES + INPUTS);
 }

@@ -1,5 +1,5 @@
-{% if kind == "mpc" and sensors %}
-/* A step goes on without measured values that are no numbers; answer() sets the command. */
+{% if kind == "mpc" %}
+/* answer() sets the command in any case, and the outcome where it has one. */
 {% else %}
 /* A step refuses what is no number, and repeats its last command then; else answer() sets the command. */
 {% endif %}
@@ -10,14 +10,10 @@ int tensctl_step(const double *measurement, double *u)
     if (!self.begun) {
         memcpy(self.command, << "input_rest" if sensors else "course_inputs" >>, sizeof self.command);
     }
-{% if kind == "mpc" and sensors and signal != "shown" %}
+{% if kind == "mpc" %}
     answer(measurement);
 {% else %}
-{% if kind == "mpc" and sensors %}
-    if (all_finite(TENSCTL_MEASUREMENT - SHOWN, measurement + SHOWN)) {
-{% else %}
-    if (all_finite(TENSCTL_MEASUREMENT, measurement)) {
-{% endif %}
+    if (all_numbers(TENSCTL_MEASUREMENT, measurement)) {
         self.report.outcome = TENSCTL_OK;
         answer(measurement);
     }

@@ -23,18 +23,22 @@ static void add_product(int rows, int columns, double sign, const double *A, con
     }
 }
 
-{% if not (kind == "mpc" and sensors and signal != "shown") %}
-static int all_finite(int n, const double *x)
+/* Whether x is a number, of a size whose powers are numbers too. */
+static int is_number(double x)
+{
+    return fabs(x) < 1e40;
+}
+
+static int all_numbers(int n, const double *x)
 {
     for (int i = 0; i < n; i++) {
-        if (!isfinite(x[i])) {
+        if (!is_number(x[i])) {
             return 0;
         }
     }
     return 1;
 }
 
-{% endif %}
 {% if kind == "mpc" %}
 static double larger(double a, double b)
 {
