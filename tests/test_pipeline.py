@@ -76,8 +76,10 @@ class TestSummary:
         assert sum(summary["mpc"]["statuses"].values()) == 51
         assert summary["simulation"]["rod_length_drift"] < 1e-12
 
-    def test_target(self, summary):
-        target = summary["target"]
+    def test_target(self, summary, short):
+        run, path, target = short[0].run, short[0].path, summary["target"]
+        away = max(np.linalg.norm(n - path.nodes_at(t), axis=1).max() for n, t in zip(run.nodes, run.time, strict=True))
+        assert summary["simulation"]["farthest_from_path_m"] == pytest.approx(away, rel=1e-12)
         assert target["height_wanted_m"] == pytest.approx(1.02 * target["height_before_m"], rel=1e-10)
         assert target["fastest_reference_m_per_s"] < 0.5
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensctl.report import Case, Check, Height, Limits, MpcCheck, Push, facts, write_report
+from tensctl.report import Case, Check, Height, Limits, MpcCheck, Push, Wanted, facts, write_report
 from tensctl.report.animation import json_for_html, speeds
 from tensctl.report.numbers import number, seconds
 from tensctl.report.pack import FEWEST_FRAMES, FRAME_BYTES, pack, unpack_nodes
@@ -343,7 +343,9 @@ def full_case(
         run=run,
         limits=Limits(0.1, 1e-3 * run.rest_lengths[0], 0.5),
         shape_error=error,
-        height=Height(1.7, 2.04, 2.04),
+        path_error=0.01 * error,
+        height=Height(1.7, 2.04),
+        wanted=(Wanted("height", "m", 1.7, 2.04001, 2.04),),
         mpc_check=MpcCheck("daqp", 20, 0.02, 420, 1320, 3.2e-9, 0),
         pushes=(Push(3, (5.0, 0.0, 0.0), 5.0, 5.1),),
         explain=terms,
@@ -529,6 +531,24 @@ def test_headline_numbers_are_there(full_page: str) -> None:
         "All 3 numerical",
     ):
         assert fact in text
+
+
+def test_the_shape_that_was_wanted_is_told_with_its_error() -> None:
+    wanted = (Wanted("twist", "rad", 0.0, -0.3999, -0.4), Wanted("P4_1_1 x", "m", 0.25, 0.5, 0.5))
+    text = read(render(replace(full_case(times=60), wanted=wanted))).text
+    assert "Twist, rad0.00000\u22120.40000\u22120.39990" in re.sub(r"\s*\n\s*", "", text)
+    assert "P4_1_1 x, m" in text
+    assert "Height" not in text
+
+
+def test_a_path_that_comes_back_is_shown_where_it_is_farthest() -> None:
+    case = full_case(times=61)
+    assert isinstance(case.run, FakeRun)
+    there_and_back = np.concatenate([case.run.nodes[:30], case.run.nodes[30::-1]])
+    assert "farthest from the start" not in render(case)
+    page = render(replace(case, run=replace(case.run, nodes=there_and_back)))
+    moved = np.linalg.norm(there_and_back - there_and_back[0], axis=2).max(axis=1)
+    assert f"At {case.run.time[moved.argmax()]:.4g} s, farthest from the start" in page
 
 
 def test_a_tension_below_the_floor_is_said_even_if_the_controller_did_not_plan_it() -> None:

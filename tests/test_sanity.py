@@ -15,6 +15,7 @@ from tensctl.simulation.clearance import Segments, clearance
 from tensctl.simulation.rod_forces import rod_forces_along
 from tensctl.simulation.sanity import NEAR
 from tensctl.simulation.segments import nearest
+from tensctl.simulation.warn import nearer_than
 
 X, Y, Z = np.eye(3)
 
@@ -192,6 +193,14 @@ class TestWarnings:
         assert sanity.rods is not None
         assert sanity.rods.distance == pytest.approx(0.45 - run.time, abs=1e-12)
         assert sanity.warnings[0] == "rods lying and flying touch at 0.45 s; 0.03 m into each other at 0.48 s."
+
+    def test_rods_nearer_than_a_path_was_asked_to_keep(self):
+        dynamics, start = two_rods(radius={"lying": 0.03, "flying": 0.02})
+        sanity = tc.inspect_run(dynamics, tc.simulate(dynamics, start, timepts=np.linspace(0, 0.4, 41)))
+        assert nearer_than(sanity, 0.05) is None
+        told = nearer_than(sanity, 0.0501)
+        assert told is not None
+        assert told.startswith("rods lying and flying come to 0.05 m at 0.4 s, nearer than target.clearance = 0.0501 m")
 
     def test_rods_of_a_plane_that_cross_all_the_time_touch_from_the_start(self):
         """Their distance is rounding throughout, least at some time that means nothing."""

@@ -8,7 +8,7 @@ from tensctl import __version__
 from tensctl.pipeline.certificate import Certificate
 from tensctl.pipeline.followed import followed
 from tensctl.pipeline.results import Results
-from tensctl.report import Case, Check, Height, Limits, MpcCheck
+from tensctl.report import Case, Check, Height, Limits, MpcCheck, Wanted
 from tensctl.report import Push as ShownPush
 from tensctl.simulation.parted import parting_told
 from tensctl.structure import matches
@@ -42,6 +42,9 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         solvers=results.solvers,
         limits=_limits(results),
         shape_error=results.shape_error,
+        path_error=results.path_error,
+        clearance=None if results.scene.target is None else results.scene.target.clearance,
+        wanted=_wanted(results),
         carried=results.carried,
         height=_height(results),
         mpc_check=_mpc_check(results),
@@ -143,11 +146,20 @@ def _height(results: Results) -> Height | None:
     if results.path is None or results.run is None or shell_rings(results.structure) is None:
         return None
     height = shell_height(results.structure)
-    return Height(
-        before=height.of(results.run.nodes[0]),
-        after=height.of(results.run.nodes[-1]),
-        target=height.of(results.path.target_nodes),
-    )
+    return Height(before=height.of(results.run.nodes[0]), after=height.of(results.run.nodes[-1]))
+
+
+def _wanted(results: Results) -> tuple[Wanted, ...]:
+    """What the target names, before, in the end and as wanted; without a run the end is that of the path."""
+    path, run = results.path, results.run
+    if path is None:
+        return ()
+    first, last = (path.equilibria[0].nodes, path.target_nodes) if run is None else (run.nodes[0], run.nodes[-1])
+    found = []
+    for feature, end in zip(path.features, path.legs[-1].ends, strict=True):
+        name, unit = feature.name.split(", ")
+        found.append(Wanted(name, unit, feature.of(first), feature.of(last), float(end)))
+    return tuple(found)
 
 
 def _mpc_check(results: Results) -> MpcCheck | None:

@@ -109,6 +109,13 @@ class Results:
         return distance_in_frame(self.wanted, self.run)
 
     @cached_property
+    def path_error(self) -> np.ndarray | None:
+        """Largest distance of a node to the path at each recorded time, m; None without a path that is followed."""
+        if self.path is None or self.run is None or self.shape_error is None:
+            return None
+        return distance_to_path(self.path, self.run)
+
+    @cached_property
     def carried(self) -> tuple[float, float] | None:
         """How far a free controlled structure has moved, m, and turned, rad, by the end; None for any other."""
         frames = None if self.run is None or self.shape_error is None else frames_of(self.wanted, self.run)
@@ -125,6 +132,17 @@ def distance_in_frame(wanted: Equilibrium, run: Run) -> np.ndarray:
         return run.distance_to(wanted.nodes)
     seen = np.stack([frame.nodes(nodes) for frame, nodes in zip(frames, run.nodes, strict=True)])
     return np.linalg.norm(seen - wanted.nodes, axis=2).max(axis=1)
+
+
+def distance_to_path(path: ShapePath, run: Run) -> np.ndarray:
+    """Largest distance of a node to where the path has it at each recorded time, m; of a free structure likewise."""
+    places, nodes = np.stack([path.nodes_at(t) for t in run.time]), run.nodes
+    if not run.structure.held.any():
+        from tensctl.linear import best_fit
+
+        moments = zip(places, run.nodes, run.velocities, strict=True)
+        nodes = np.stack([best_fit(path.target.potential, p, n, v).nodes(n) for p, n, v in moments])
+    return np.linalg.norm(nodes - places, axis=2).max(axis=1)
 
 
 def frames_of(wanted: Equilibrium, run: Run) -> list[Frame] | None:

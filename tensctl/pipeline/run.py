@@ -326,13 +326,16 @@ def _mpc(results: Results, clock: Clock) -> Results:
 def _inspect(results: Results, clock: Clock) -> Results:
     from tensctl.simulation import inspect_run
     from tensctl.simulation.asked import loads_of
+    from tensctl.simulation.warn import nearer_than
 
     assert results.run is not None
     assert results.dynamics is not None
     assert results.scene.simulation is not None
     with clock.stage("sanity"):
         sanity = inspect_run(results.dynamics, results.run, pushes=loads_of(results.scene.simulation))
-    for sentence in sanity.warnings:
+    target = results.scene.target
+    near = None if target is None or target.clearance is None else nearer_than(sanity, target.clearance)
+    for sentence in (*sanity.warnings, *(() if near is None else (near,))):
         clock.progress.warn(sentence)
     return replace(results, sanity=sanity)
 

@@ -250,6 +250,8 @@ def _simulation(results: Results) -> dict | None:
     }
     if error is not None:
         facts |= {"final_shape_error_m": float(error[-1]), "largest_shape_error_m": float(error.max())}
+    if results.path_error is not None:
+        facts["farthest_from_path_m"] = float(results.path_error.max())
     if results.carried is not None:
         facts |= dict(zip(("centre_moved_m", "turned_rad"), results.carried, strict=True))
     return facts

@@ -66,11 +66,21 @@ class Limits:
 
 @dataclass(frozen=True)
 class Height:
-    """Axial height of the structure (m): at the start, at the end of the run, and as wanted."""
+    """Axial height of the structure (m), at the start and at the end of the run."""
 
     before: float
     after: float
-    target: float | None = None
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A number that was wanted of the shape, such as its twist: at the start, in the end, and as wanted."""
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    target: float
 
 
 @dataclass(frozen=True)
@@ -147,6 +157,11 @@ class Case:
         Drawn into the plots of the run.
     shape_error : (times,) array, optional
         Largest distance of a node from where it is wanted, at each recorded time of the run, m.
+    path_error : (times,) array, optional
+        Largest distance of a node from where the planned path has it at that time, m.
+    clearance : float, optional
+        Distance that rods are asked to keep, m.
+    wanted : tuple of Wanted
     carried : (float, float), optional
         How far a free controlled structure has moved, m, and turned, rad, as a whole by the end of the run.
     height : Height, optional
@@ -182,6 +197,9 @@ class Case:
     solvers: SolverPrecision | None = None
     limits: Limits | None = None
     shape_error: np.ndarray | None = None
+    path_error: np.ndarray | None = None
+    clearance: float | None = None
+    wanted: tuple[Wanted, ...] = ()
     carried: tuple[float, float] | None = None
     height: Height | None = None
     mpc_check: MpcCheck | None = None

@@ -24,6 +24,7 @@ from tensctl.report.plots import Plot
 from tensctl.report.shapes import View, draw_views
 
 START = 1e-6  # m; a run that starts farther from rest than this is shown from its own start
+FARTHER = 1.25  # a moment at which a path is so many times farther from the start than in the end is shown too
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,10 @@ def draw_figures(case: Case, motion: Motion) -> Figures:
 
 
 def shape_views(case: Case, motion: Motion) -> tuple[View, ...]:
-    """At rest or where the run starts, and at the end of the run or path with the first as a shadow behind it."""
+    """At rest or where the run starts, and at the end of the run or path with the first as a shadow behind it.
+
+    A path that comes back is also shown where it is farthest from its start.
+    """
     rest, path, height = case.equilibrium, case.path, case.height
     if rest is None:
         return ()
@@ -107,4 +111,15 @@ def shape_views(case: Case, motion: Motion) -> tuple[View, ...]:
     title = {"run": f"After {motion.times[-1]:.4g} s", "path": "After, as planned"}.get(motion.source)
     if title is None:
         return (before,)
-    return before, View(title, motion.nodes[-1], motion.tensions[-1], after, shadow=before.nodes, wanted=wanted)
+    last = View(title, motion.nodes[-1], motion.tensions[-1], after, shadow=before.nodes, wanted=wanted)
+    return (before, last) if path is None else (before, *_farthest(motion, before.nodes), last)
+
+
+def _farthest(motion: Motion, start: np.ndarray) -> tuple[View, ...]:
+    """The moment at which a node is farthest from where it started, when that is well beyond where it ends."""
+    moved = np.linalg.norm(motion.nodes - start, axis=2).max(axis=1)
+    k = int(moved.argmax())
+    if moved[k] < FARTHER * moved[-1] or moved[k] < START:
+        return ()
+    title = f"At {motion.times[k]:.4g} s, farthest from the start"
+    return (View(title, motion.nodes[k], motion.tensions[k], shadow=start),)

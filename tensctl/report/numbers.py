@@ -43,6 +43,11 @@ def plain(value: float) -> str:
     return f"{factor}{power_of_ten(exponent)}".replace("-", "\u2212")
 
 
+def fixed(value: float, places: int = 5) -> str:
+    """A number with so many places, so that those below each other compare; rounding shows no minus zero."""
+    return f"{round(value, places) + 0.0:.{places}f}".replace("-", "\u2212")
+
+
 def grouped(text: str) -> str:
     """Thousands of a plain decimal number set apart by thin spaces, from five digits on."""
     sign, digits = ("-", text[1:]) if text.startswith("-") else ("", text)

@@ -110,6 +110,7 @@ def _environment() -> "Environment":
     environment.filters.update(
         number=numbers.number,
         plain=numbers.plain,
+        fixed=numbers.fixed,
         count=numbers.count,
         seconds=numbers.seconds,
         plural=numbers.plural,

@@ -14,7 +14,7 @@ from tensctl.report.plots import Plot, Sheet, draw
 from tensctl.report.strips import Limit, Strip, draw_strip, span_of
 
 if TYPE_CHECKING:
-    from tensctl.synthesis import Feature, ShapePath
+    from tensctl.synthesis import Feature, PathSurvey, ShapePath
 
 _PLANE = Sheet(width=430.0, height=400.0, right=24.0, top=32.0)
 # Moments at which the planned curve is drawn.
@@ -63,7 +63,7 @@ def margins(case: Case) -> tuple[Plot, ...]:
     shown = [("frequency", "Lowest frequency, Hz"), ("stiffness", "Stiffness of the softest node, N/m")]
     found = [_tension(case)]
     if np.isfinite(survey.of("clearance")).all():
-        found.append(_along(survey.time, "clearance", "Least distance of two rods, m", survey.of("clearance")))
+        found.append(_clearance(case, survey))
     found += [_along(survey.time, name, title, survey.of(name)) for name, title in shown]
     return (
         *found,
@@ -89,6 +89,29 @@ def _tension(case: Case) -> Plot:
             labels=("at rest", "moving"),
             urgency=np.array([1.0, 2.0]),
             limits=() if floor is None else (Limit(floor, f"floor {floor:g} N"),),
+        )
+    )
+
+
+def _clearance(case: Case, survey: PathSurvey) -> Plot:
+    """Least distance of two rods of the planned shapes, and in the run."""
+    run = None if case.sanity is None else case.sanity.rods
+    time, values, labels = survey.time, survey.of("clearance")[:, None], ("",)
+    if run is not None:
+        planned = np.interp(run.time, survey.time, survey.of("clearance"))
+        time, values, labels = run.time, np.stack([planned, run.distance], axis=1), ("plan", "run")
+    return draw_strip(
+        Strip(
+            name="path-clearance",
+            label="Least distance of two rods, along the path",
+            title="Least distance of two rods, m",
+            time=time,
+            span=span_of(time),
+            values=values,
+            labels=labels,
+            urgency=np.arange(len(labels), 0, -1.0),
+            limits=() if case.clearance is None else (Limit(case.clearance, f"asked {case.clearance:g} m"),),
+            pushes=case.pushes,
         )
     )
 

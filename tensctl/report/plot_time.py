@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from tensctl.report.case import RELAXED_MORE_THAN, Case
 from tensctl.report.grounded import left_out
-from tensctl.report.palette import BLUE
+from tensctl.report.palette import BLUE, ORANGE
 from tensctl.report.plots import Plot, draw, log_axis
 from tensctl.report.strips import SHEET, Limit, Strip, draw_strip, frame, shade, span_of
 from tensctl.report.thin import thinned
@@ -141,20 +141,29 @@ def rates(case: Case) -> Plot | None:
 
 
 def shape_error(case: Case) -> Plot | None:
-    """Largest distance of a node from where it is wanted, on a logarithmic axis."""
+    """Largest distance of a node from where it is wanted, and from the path, on a logarithmic axis."""
     run, error = case.run, case.shape_error
     if run is None or error is None or not np.any(error > ROUNDING):
         return None
 
     def paint(axes: Axes) -> None:
         shade(axes, case.pushes)
-        axes.plot(*thinned(run.time, 1e3 * np.where(error > 0, error, np.nan)), color=BLUE.light, linewidth=1.7)
+        if case.path_error is not None:
+            axes.plot(*_positive(run.time, case.path_error), color=ORANGE.light, linewidth=1.2, label="from the path")
+        axes.plot(*_positive(run.time, error), color=BLUE.light, linewidth=1.7, label="from the wanted shape")
+        if case.path_error is not None:
+            axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False, borderaxespad=0)
         axes.set_yscale("log")
         log_axis(axes)
         frame(axes, span_of(run.time), "Largest node error, mm")
 
     plot = draw("shape-error", "Largest node error over time", paint, SHEET)
     return replace(plot, span=span_of(run.time))
+
+
+def _positive(time: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A curve of millimetres without what a logarithmic axis cannot show: rounding, and rest on the path."""
+    return thinned(time, 1e3 * np.where(error > ROUNDING, error, np.nan))
 
 
 def input_rates(time: np.ndarray, values: np.ndarray) -> np.ndarray:

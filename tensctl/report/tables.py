@@ -107,11 +107,15 @@ def solves(run: Run | None) -> Solves | None:
 
 @dataclass(frozen=True)
 class ShapeErrors:
-    """Largest node error (mm) at the start, after the last push (None without one), and at the end."""
+    """Largest node error (mm) at the start, after the last push (None without one), and at the end.
+
+    Also the largest distance from the planned path, and when; None without one.
+    """
 
     start: float
     after_push: float | None
     end: float
+    off_path: tuple[float, float] | None
 
 
 def shape_errors(case: Case) -> ShapeErrors | None:
@@ -122,7 +126,15 @@ def shape_errors(case: Case) -> ShapeErrors | None:
     begin = max((push.begin for push in case.pushes), default=np.inf)
     after = error[case.run.time >= begin]
     pushed = float(np.nanmax(after)) if np.isfinite(after).any() else None
-    return ShapeErrors(float(error[0]), pushed, float(error[-1]))
+    return ShapeErrors(float(error[0]), pushed, float(error[-1]), _off_path(case.path_error, case.run.time))
+
+
+def _off_path(error: np.ndarray | None, time: np.ndarray) -> tuple[float, float] | None:
+    """Largest distance from the path, mm, and when, s."""
+    if error is None:
+        return None
+    worst = int(np.nanargmax(error))
+    return 1e3 * float(error[worst]), float(time[worst])
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,18 @@ def warnings_of(sanity: Sanity) -> tuple[str, ...]:
     return (*found, *_of_buckling(sanity), *_of_slack(sanity), *_of_errors(sanity))
 
 
+def nearer_than(sanity: Sanity, clearance: float) -> str | None:
+    """By how much rods miss a distance, m, that they were asked to keep, in a sentence; None where they keep it."""
+    rods = sanity.rods
+    if rods is None or rods.least >= clearance:
+        return None
+    first, second = (sanity.structure.rod_labels[rod] for rod in rods.pairs[rods.least_at])
+    return (
+        f"rods {first} and {second} come to {rods.least:.4g} m at {rods.time[rods.least_at]:.4g} s, nearer than "
+        f"target.clearance = {clearance:g} m: the path keeps it, and the run leaves the path a little; ask for more."
+    )
+
+
 def _of_pairs(close: Clearance | None, first, second, name: str, rounding: float) -> list[str]:
     if close is None:
         return []

@@ -7,8 +7,9 @@ function followTime(figure, player) {
   cursor.setAttribute("class", "cursor");
   svg.append(cursor);
   player.followers.push((time) => {
-    const x = left + ((time - begin) / (end - begin)) * (right - left);
-    cursor.setAttribute("d", `M${x.toFixed(1)} ${top}V${bottom}`);
+    const share = (time - begin) / (end - begin);
+    const x = left + share * (right - left);
+    cursor.setAttribute("d", share < 0 || share > 1 ? "" : `M${x.toFixed(1)} ${top}V${bottom}`);
   });
   const goTo = (event) => {
     const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
