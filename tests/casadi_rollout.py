@@ -8,6 +8,9 @@ import numpy as np
 
 from tensctl.synthesis.rollout import Rollout
 
+# Of Newton's method on joints that a step has left open by less than 1e-5 m.
+_ROUNDS = 3
+
 
 def rolled_out(dynamics, dt, steps, nodes, velocities, now, plan):
     """What `tensctl.synthesis.rollout` gives of the same plan, in as many steps a period."""
@@ -38,7 +41,7 @@ def _period(dynamics, dt, steps):
         k = [dynamics.f(at, u[0], none)]
         for part, between in zip((0.5, 0.5, 1), u[1:], strict=True):
             k.append(dynamics.f(at + part * h * k[-1], between, none))
-        at = _tidy(dynamics, at + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3]))
+        at = _closed(dynamics, _tidy(dynamics, at + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])))
     return ca.Function("period", [x, first, last], [at, *(ca.jacobian(at, by) for by in (x, first, last))])
 
 
@@ -57,6 +60,50 @@ def _tidy(dynamics, x):
             speeds.append(rate - ca.dot(turn, rate) / ca.dot(turn, turn) * turn)
             at += axes
     return ca.vertcat(*places, *speeds)
+
+
+def _closed(dynamics, x):
+    """Joints and guides closed square to them in the mass metric, no velocity across them."""
+    if not dynamics.tied:
+        return x
+    tie, half = _tie(dynamics), x.shape[0] // 2
+    for _ in range(_ROUNDS):
+        gap, rows, mobility = tie(x[:half])
+        back = mobility @ rows.T @ ca.solve(rows @ mobility @ rows.T, -gap)
+        x = _tidy(dynamics, ca.vertcat(x[:half] + back, x[half:]))
+    _, rows, mobility = tie(x[:half])
+    across = mobility @ rows.T @ ca.solve(rows @ mobility @ rows.T, rows @ x[half:])
+    return ca.vertcat(x[:half], x[half:] - across)
+
+
+def _tie(dynamics):
+    """By q: how far joints and guides are open, how that follows q, and the rate of q by forces on it.
+
+    Kinetic energy of a rod: m/8 |q1'|^2 + m/24 |q2'|^2, held at one end m/6 |q2'|^2; no rate along it.
+    """
+    q, axes, at, ends, mobility = ca.SX.sym("q", dynamics.f.size1_in(0) // 2), dynamics.structure.dimension, 0, [], []
+    masses, holds = dynamics.members.mass, dynamics.potential.manifold.hold
+    for mass, hold, anchors in zip(masses, holds, dynamics.layout.anchor[dynamics.layout.rods], strict=True):
+        tail, head = (ca.SX(ca.DM(p[:axes])) for p in anchors)
+        middle = q[at : at + axes] / 2
+        if hold == 0:
+            at += axes
+            mobility.append(4 / mass * ca.SX.eye(axes))
+        if hold != 3:
+            turn, at = q[at : at + axes], at + axes
+            mobility.append((12 if hold == 0 else 3) / mass * (ca.SX.eye(axes) - turn @ turn.T / ca.dot(turn, turn)))
+            if hold == 0:
+                tail, head = middle - turn / 2, middle + turn / 2
+            elif hold == 1:
+                head = tail + turn
+            else:
+                tail = head - turn
+        none = ca.SX.zeros(3 - axes)
+        ends += [tail, none, head, none]
+    gap = (
+        ca.DM(dynamics.constraints.matrix(2 * len(masses)).toarray()) @ ca.vertcat(*ends) - dynamics.constraints.target
+    )
+    return ca.Function("tie", [q], [gap, ca.jacobian(gap, q), ca.diagcat(*mobility)])
 
 
 def _stretch(dynamics):

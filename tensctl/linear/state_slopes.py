@@ -12,9 +12,10 @@ and each is differentiated by e and e'. A free structure is seen from its co-mov
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
 
-from tensctl.elements import RodManifold
+from tensctl.elements import JointedManifold, RodManifold
 from tensctl.linear.frame_slopes import seen_from_frames, still
 from tensctl.linear.model import LinearModel
 
@@ -26,25 +27,39 @@ _TERMS = 20
 def states_and_slopes(
     linear: LinearModel, nodes: Float[np.ndarray, "points nodes 3"], velocities: Float[np.ndarray, "points nodes 3"]
 ) -> tuple[Float[np.ndarray, "points nx"], Float[np.ndarray, "points nx columns"]]:
-    """States x and their derivatives by (nodes, velocities), 6K columns, for rods that share no node."""
+    """States x and their derivatives by (nodes, velocities), 6K columns."""
     equilibrium = linear.equilibrium
     manifold, at = equilibrium.potential.manifold, equilibrium.nodes
-    assert isinstance(manifold, RodManifold)
     carried = linear.dynamics.structure.held.any() or any(m.kind == "rigid-body" for m in linear.modes)
     view = still if carried else seen_from_frames
     view = view(equilibrium.potential, at, nodes, velocities)
     weight = manifold.mass(linear.dynamics.members.mass)[:, None]
     shapes, scales = (linear.shapes * weight).T, linear.scales[:, None]
-    y, rate, by_place, bend = _chart(manifold, at, view.nodes, view.velocities)
+    y, rate, by_place, bend = _chart_of(manifold, at, view.nodes, view.velocities)
     moved = by_place @ view.by_nodes
     states, slopes = [y @ (scales * shapes).T, rate @ shapes.T], [(scales * shapes) @ moved]
     slopes.append(shapes @ (bend @ view.by_nodes + by_place @ view.by_velocities))
     if linear.drifting:
         rigid = (equilibrium.spectrum.shapes[:, [mode.index for mode in linear.drifting]] * weight).T
-        _, rate, _, bend = _chart(manifold, at, view.nodes, view.drift)
+        _, rate, _, bend = _chart_of(manifold, at, view.nodes, view.drift)
         states.append(rate @ rigid.T)
         slopes.append(rigid @ (bend @ view.by_nodes + by_place @ view.by_drift))
     return np.concatenate(states, axis=1)[:, linear.order], np.concatenate(slopes, axis=1)[:, linear.order]
+
+
+def _chart_of(
+    manifold: RodManifold | JointedManifold, at: np.ndarray, nodes: np.ndarray, rates: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """`_chart`; where joints or guides tie rods, projected square to the mass metric as their own chart is."""
+    if isinstance(manifold, RodManifold):
+        return _chart(manifold, at, nodes, rates)
+    ends, count = manifold.end_node, 3 * len(at)
+    values = _chart(manifold.ends, at[ends], nodes[:, ends], rates[:, ends])
+    down, columns = manifold.chart(at).down, (3 * ends[:, None] + np.arange(3)).ravel()
+    fold = sp.csr_array((np.ones(columns.size), (columns, np.arange(columns.size))), (count, columns.size))
+    y, rate = ((down @ part.T).T for part in values[:2])
+    place, bend = (np.array([(fold @ (down @ part).T).T for part in slopes]) for slopes in values[2:])
+    return y, rate, place, bend
 
 
 def _chart(

@@ -60,7 +60,6 @@ class NonlinearMPC:
     Parameters
     ----------
     dynamics : Dynamics
-        Of rods that share no node.
     reference : Equilibrium or Reference
         What to hold, or a path to follow.
     horizon, dt, tension_min, rate_max, u_max, weights, delay
@@ -73,7 +72,7 @@ class NonlinearMPC:
     SceneError
         A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        Joints or guides, actuators with lag, no input, a mode beyond the Nyquist frequency, a motion too fast for the
+        Actuators with lag, no input, a mode beyond the Nyquist frequency, a motion too fast for the
         period, or no solution of the terminal Riccati equation.
     """
 

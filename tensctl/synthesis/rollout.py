@@ -4,6 +4,7 @@
 
 Classical Runge-Kutta steps of equal length, rods put back to their lengths after each; the columns that go along are
 the derivative of these very steps, not of the motion that they approximate. Slack tendons carry nothing at any stage.
+Joints and guides push at every stage and are closed after each step, their columns along (`model.joint_columns`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from jaxtyping import Float
 from tensctl.errors import SynthesisError
 from tensctl.jit import jit
 from tensctl.model import Dynamics
+from tensctl.model.joint_columns import close_columns, tie_columns
 from tensctl.model.kernel_columns import (
     acceleration_columns,
     column_room,
@@ -98,13 +100,20 @@ class Rolling:
         stretch, stretches = np.zeros((periods, nt)), np.zeros((periods, nt, width))
         load = dynamics.layout.spread(dynamics.members.forces).ravel()
         work = tuple(np.zeros((*q.shape, width)) for _ in range(7))
-        _roll(
+        rows, tie = dynamics.kernel.first.size, None
+        if dynamics.tied:
+            tie = np.zeros(dynamics.kernel.place[-1]), np.zeros(rows), np.zeros((rows, width))
+        moved = _roll(
             dynamics.kernel, q, v, rest, dynamics.members.rest_lengths, self._gear[:, : nu if columns else 0],
-            self.dt / self.steps, self.steps, load, room, work, states, changes, stretch, stretches,
+            self.dt / self.steps, self.steps, load, room, work, tie, states, changes, stretch, stretches,
         )  # fmt: skip
         shape = (periods, 2, size // 3, 3)
-        states = states.reshape(shape)
-        return Rollout(states[:, 0], states[:, 1], stretch, changes.reshape(*shape, width), stretches)
+        states, changes = states.reshape(shape), changes.reshape(*shape, width)
+        if dynamics.tied:
+            states, changes = states[:, :, dynamics.layout.place], changes[:, :, dynamics.layout.place]
+        if not moved:
+            states = np.full_like(states, np.nan)
+        return Rollout(states[:, 0], states[:, 1], stretch, changes, stretches)
 
 
 def rolling(dynamics: Dynamics, dt: float) -> Rolling:
@@ -113,12 +122,8 @@ def rolling(dynamics: Dynamics, dt: float) -> Rolling:
     Raises
     ------
     SynthesisError
-        Joints, guides or a period too long for the fastest motion.
+        A period too long for the fastest motion.
     """
-    if dynamics.tied:
-        raise SynthesisError(
-            "rods that share nodes or slide along guides are not rolled out by NonlinearMPC; use tc.MPC, which is."
-        )
     fastest = max(dynamics.fastest_rate, dynamics.fastest_decay if dynamics.damped else 0.0)
     steps = int(np.ceil(max(fastest * dt / _PHASE, 1.0)))
     if steps > _MOST:
@@ -130,8 +135,12 @@ def rolling(dynamics: Dynamics, dt: float) -> Rolling:
 
 
 @jit
-def _roll(data, q, v, rest, natural, gear, h, steps, load, room, work, states, changes, stretch, stretches):
-    """Move q and v through all periods; fill nodes, stretches and their columns at the end of each."""
+def _roll(data, q, v, rest, natural, gear, h, steps, load, room, work, tie, states, changes, stretch, stretches):
+    """Move q and v through all periods; fill nodes, stretches and their columns at the end of each.
+
+    False where joints or guides lock on the way. Without any, tie is None, and nothing of theirs is compiled.
+    """
+    still = np.zeros(data.first.size)
     nu, width = gear.shape[1], changes.shape[3]
     dq, dv, dq_sum, dv_sum, dq_at, dv_at, da = work
     a, dL, length = np.zeros_like(q), np.zeros((gear.shape[0], width)), np.empty(gear.shape[0])
@@ -147,6 +156,8 @@ def _roll(data, q, v, rest, natural, gear, h, steps, load, room, work, states, c
                 part = (n + (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)) / steps
                 _rest_at(rest, gear, k, part, nu, begins, length, dL)
                 acceleration_columns(data, q_at, v_at, length, load, dq_at, dv_at, dL, begins, count, room, a, da)
+                if tie is not None and not tie_columns(data, q_at, dq_at, still, count, tie, a, da):
+                    return False
                 weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
                 ahead = h if stage == 2 else 0.5 * h
                 for r in range(q.shape[0]):
@@ -163,12 +174,15 @@ def _roll(data, q, v, rest, natural, gear, h, steps, load, room, work, states, c
             _copy(dq_sum, dq, count)
             _copy(dv_sum, dv, count)
             tidy_columns(data, q, v, dq, dv, count)
+            if tie is not None and not close_columns(data, q, v, dq, dv, count, tie):
+                return False
         place_columns(data, q, dq, count, room.place, room.places)
         place_columns(data, v, dv, count, room.speed, room.speeds)
         _rest_at(rest, gear, k, 1.0, nu, begins, length, dL)
         stretch_columns(data, length, natural, dL, begins, count, room, stretch[k], stretches[k])
         states[k, 0], states[k, 1] = room.place, room.speed
         changes[k, 0, :, :count], changes[k, 1, :, :count] = room.places[:, :count], room.speeds[:, :count]
+    return True
 
 
 @jit
