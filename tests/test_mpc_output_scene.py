@@ -69,9 +69,12 @@ def test_a_path_is_followed_from_where_it_starts(tmp_path):
     """The linear model is that of the start, where the filter begins; the reference is the path."""
     scene = shell_scene(
         pins=["P1_*_1"], mpc=MPC, sensors=SENSORS, target={"height_scale": 1.05, "duration": 0.8},
-        simulation={"t_end": 2.5, "controller": "mpc"},
+        simulation={"t_end": 3.5, "controller": "mpc"},
     )  # fmt: skip
     results = tc.run(scene, tmp_path / "out")
+    moved = np.array([results.path.nodes_at(t) for t in results.run.time])
+    off = np.linalg.norm(results.run.nodes - moved, axis=2).max(axis=1)
+    assert off[results.run.time < 0.8].max() < 0.013  # a target that stays for the horizon is 19 mm behind
     assert results.mpc.linear.equilibrium is results.equilibrium
     assert results.mpc.wanted is results.path
     assert results.shape_error[0] > 0.03

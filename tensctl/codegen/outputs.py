@@ -33,7 +33,7 @@ def output_facts(mpc: OutputMPC) -> dict[str, Any]:
     return {
         "sensors": ny, "measured": measured, "size": ny + nu, "target": target, "times": times,
         "tables": (*tables, carried) if mpc.delay else tables, "parts": (mpc.piece_at(0.0),), "suffixes": ("",),
-        "absurd": ABSURD, "patience": PATIENCE, "back": BACK, "kept": KEPT,
+        "moves": len(times) > 1, "absurd": ABSURD, "patience": PATIENCE, "back": BACK, "kept": KEPT,
         "sizes": [
             ("STATES", nx, ""), ("SENSORS", ny, "and as many disturbances"), ("ORDER", nx + ny, "of the filter"),
             ("TRACKED", mpc.tracked.size, "sensors whose values are to be reached"),
@@ -82,8 +82,19 @@ def _rest_tables(mpc: OutputMPC) -> tuple[Table, ...]:
 
 
 def _course_tables(mpc: OutputMPC, times: np.ndarray) -> tuple[Table, ...]:
+    """What is wanted, and of a course that moves what its motion adds."""
+    path = mpc.wanted
     tracked = np.array([mpc.wanted_at(t) for t in times.tolist()])
+    tables = (
+        Table("course_inputs", path.inputs_at(times), "total inputs of the reference when each command acts, m"),
+        Table("course_tracked", tracked, "what is wanted of the tracked sensors then, deviations from rest"),
+    )
+    if len(times) == 1:
+        return tables
+    motion = np.array([mpc.moving_state(t) for t in times.tolist()])
+    tension = mpc.problem.scaled(path.tensions_at(times))
     return (
-        Table("course_inputs", mpc.wanted.inputs_at(times), "total inputs of the reference at each sample, m"),
-        Table("course_tracked", tracked, "what is wanted of the tracked sensors, deviations from rest"),
+        *tables,
+        Table("course_motion", motion, "state then that the motion of the reference adds"),
+        Table("course_tension", tension, "and its tensions, over the scale, m"),
     )

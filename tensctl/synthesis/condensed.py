@@ -91,10 +91,14 @@ class Condensed:
         """Tendons that have a tension floor: taut at the equilibrium, not between pins."""
         return self.tendons[self.side > 0]
 
+    def scaled(self, tensions: Float[np.ndarray, "*k tendons"]) -> Float[np.ndarray, "*k nT"]:
+        """Tensions, N, as the rows count them, m: turned about where a row is a stall limit."""
+        return self.side * tensions[..., self.tendons] / self.tension_scale
+
     def margin(self, tensions: Float[np.ndarray, "*k tendons"], tension_min: float) -> Float[np.ndarray, "*k nT"]:
         """How far tensions, N, are within the limit of each row, scaled, m."""
         limit = np.where(self.side > 0, tension_min, self.force_max)
-        return self.side * (tensions[..., self.tendons] - limit) / self.tension_scale
+        return self.scaled(tensions) - self.side * limit / self.tension_scale
 
     def constant(self, start: Float[np.ndarray, " n"], wanted: Float[np.ndarray, "N ny"] | None = None) -> float:
         """The part of the cost that no input changes, which the condensed objective drops; without what only r has."""

@@ -4,8 +4,10 @@
     target     (x_s, u_s) at rest under d, `synthesis.steady_target`
     problem    that of `synthesis.condensed` in e = x - x_s and v = u - u_s,   T = T_rest + C x + D u + C_d d
 
-One linear model is used, about the equilibrium of `linear`; a path moves what is wanted, and the disturbances take up
-what the model misses on the way.
+One linear model is used, about the equilibrium of `linear`; the disturbances take up what it misses elsewhere. On a
+path the target is where the path is when a command begins to act, and plans deviate from how it goes on from there:
+
+    x_s + what its velocities add,   u_s + u_path(t) - u_path(now),   T_s + T_path(t) - T_path(now)
 """
 
 from __future__ import annotations
@@ -21,12 +23,12 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
 from tensctl.structure.labels import matches
 from tensctl.synthesis.disturbance import Disturbed, disturbed
-from tensctl.synthesis.lagging import commands_now
+from tensctl.synthesis.lagging import commands_along, commands_now
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.mpc import MPC
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.offset_filter import Estimate, OffsetFilter, offset_filter
-from tensctl.synthesis.reference import Hold, Reference
+from tensctl.synthesis.reference import Hold, Reference, rests
 from tensctl.synthesis.sensors import Reading, Sensors
 from tensctl.synthesis.signal import Wanted
 from tensctl.synthesis.steady_target import SteadyTarget, Target
@@ -226,12 +228,29 @@ class OutputMPC(MPC):
         state = state + self.carried @ d
         at_rest = np.concatenate([target.state, target.inputs])
         margin = self.margin_at_rest + problem.tension @ at_rest + self.tension_shown @ d
-        ahead = np.tile(rest.inputs + target.inputs, (self.horizon, 1))
-        start, margin = np.concatenate([state, inputs]) - at_rest, np.broadcast_to(margin, (self.horizon, margin.size))
-        lower, upper = self.hard.range
-        reach = np.broadcast_to(self.hard.reach, ahead.shape)
+        motion, course, tensions = self._motion(t)
+        ahead = rest.inputs + target.inputs + course[1:]
+        start, margin = np.concatenate([state, inputs]) - at_rest - motion, margin + tensions
+        change, (lower, upper), reach = np.diff(course, axis=0), self.hard.range, self.hard.reach
         wanted = self._wanted(piece, t)
-        return Limits(start, margin, lower - ahead, upper - ahead, -reach, reach, ahead, wanted)
+        return Limits(start, margin, lower - ahead, upper - ahead, -reach - change, reach - change, ahead, wanted)
+
+    def _motion(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the path adds to its own rest when a command begins to act: state and inputs then, inputs, tensions."""
+        acts, path, linear, problem = t + self.delay, self.wanted, self.linear, self.problem
+        times = np.append(acts, self._ends(t))
+        nu, nT = len(linear.inputs), problem.tendons.size
+        if rests(path, t - self.dt if linear.lag else t):
+            return np.zeros(len(linear.A) + nu), np.zeros((self.horizon + 1, nu)), np.zeros((self.horizon, nT))
+        course = commands_along(path, times, linear.lag, self.dt) - path.inputs_at(acts)
+        tensions = problem.scaled(path.tensions_at(times[1:]) - path.tensions_at(acts))
+        return np.concatenate([self.moving_state(acts), course[0]]), course, tensions
+
+    def moving_state(self, t: float) -> Float[np.ndarray, " nx"]:
+        """What the velocities of the path add to its state at a time."""
+        nodes, inputs = self.wanted.nodes_at(t), self.wanted.inputs_at(t)
+        moving = self.linear.seen(nodes, self.wanted.velocities_at(t), inputs)
+        return moving - self.linear.seen(nodes, 0 * nodes, inputs)
 
     def _look(self, t: float, reading: Reading) -> _Look:
         """Estimate and target of a reading; the controller's memory stays as it is."""
@@ -253,7 +272,7 @@ class OutputMPC(MPC):
         return self.filter.update(before, self.filter.predict(before, inputs, u), y, u)
 
     def _rest_under(self, t: float, estimate: Estimate) -> Target:
-        rest, when = self.linear.equilibrium, self._arrives(t)
+        rest, when = self.linear.equilibrium, t + self.delay
         last = None if self._memory is None else self._memory[2]
         target = self.programme.at(
             estimate.mean[len(self.linear.A) :],
@@ -270,13 +289,9 @@ class OutputMPC(MPC):
         still = np.zeros(rest.inputs.size)
         return Target(np.zeros(len(self.linear.A)), still, np.nan, np.nan, still)
 
-    def _arrives(self, t: float) -> float:
-        """When rest lengths are about where a command computed at a sample wants them, s: a lag after its period."""
-        return float(self._ends(t)[0]) + self.linear.lag
-
     def _path_ahead(self, t: float) -> tuple[Reference, np.ndarray]:
-        """The target is that of the first period's end, and of the lag after it, for the whole horizon."""
-        return self.wanted, np.full(self.horizon, self._arrives(t))
+        """The path itself."""
+        return self.wanted, self._ends(t)
 
     def wanted_at(self, t: float) -> np.ndarray:
         """Deviation of what is tracked from the equilibrium's."""

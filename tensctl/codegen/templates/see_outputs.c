@@ -3,7 +3,7 @@
 {% include "target.c" %}
 
 /* State and inputs when the command of this step begins to act, deviations from the target; inputs and tensions
- * there. */
+ * there<< ", and what the motion of the course adds to all of them" if moves >>. */
 static const struct problem *see(const double *measurement)
 {
     double change[INPUTS], margin[TENSIONS];
@@ -42,5 +42,20 @@ static const struct problem *see(const double *measurement)
     for (int k = 0; k < MOST_FLOORS; k++) {
         self.margin[k] = margin[k % TENSIONS];
     }
+{% if moves %}
+    const int at = ahead(0);
+    for (int i = 0; i < STATES; i++) {
+        self.given[i] -= course_motion[at * STATES + i];
+    }
+    for (int j = 1; j <= HORIZON; j++) {
+        const int then = ahead(j);
+        for (int i = 0; i < INPUTS; i++) {
+            self.about[j * INPUTS + i] += course_inputs[then * INPUTS + i] - course_inputs[at * INPUTS + i];
+        }
+        for (int i = 0; i < TENSIONS; i++) {
+            self.margin[(j - 1) * TENSIONS + i] += course_tension[then * TENSIONS + i] - course_tension[at * TENSIONS + i];
+        }
+    }
+{% endif %}
     return &problems[0];
 }

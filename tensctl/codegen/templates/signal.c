@@ -33,7 +33,7 @@ static int want(const double *measurement)
             *r = measurement[SHOWN + << "j * OUTPUTS + " if preview >>i] / output_size[i];
 {% endif %}
 {% if not about_path %}
-            *r -= course_outputs[ahead(<< 1 if sensors else "j + 1" >>) * OUTPUTS + i];
+            *r -= course_outputs[ahead(j + 1) * OUTPUTS + i];
 {% endif %}
         }
     }

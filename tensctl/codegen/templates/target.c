@@ -8,10 +8,10 @@ static const struct problem target_problem = << target.initialiser >>;
 
 static void aim(void)
 {
-    const double *d = self.estimate + STATES, *near = course_inputs + ahead(1) * INPUTS;
+    const double *d = self.estimate + STATES, *near = course_inputs + ahead(0) * INPUTS;
     double given[SENSORS + TRACKED + INPUTS];
     memcpy(given, d, SENSORS * sizeof given[0]);
-    memcpy(given + SENSORS, course_tracked + ahead(1) * TRACKED, TRACKED * sizeof given[0]);
+    memcpy(given + SENSORS, course_tracked + ahead(0) * TRACKED, TRACKED * sizeof given[0]);
     for (int i = 0; i < INPUTS; i++) {
         given[SENSORS + TRACKED + i] = near[i] - input_rest[i] + target_kept * self.beside[i];
     }
