@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from compiled import Compiled
 from support import network_scene, random_motion, shell_scene, solved
-from test_export_c import OK, RELAXED, Both
+from test_export_c import BOUNDED, OK, RELAXED, Both
 
 import tensctl as tc
 from tensctl.synthesis.sensors import Reading
@@ -54,6 +54,21 @@ def test_commands_are_those_of_python(mast, soft, tmp_path):
     estimate = both.python.estimate
     assert estimate.missing == 10 * 10 + 2 * 48
     assert estimate.rejected >= 5
+
+
+def test_bounded_searches_begin_at_the_last_plan(mast, tmp_path, monkeypatch):
+    """With a tenth of the work for searches, both end at the same commands, though C keeps its plan by itself."""
+    from tensctl.synthesis import qp_primal
+
+    monkeypatch.setattr(qp_primal, "_WORK", 2e6)
+    both = Both(*made(mast, tmp_path))
+    start = random_motion(mast[1].potential, np.random.default_rng(1), 0.01, 0.25)
+    tc.simulate(mast[0], start, controller=both, t_end=1.0, rate_max=RATE)
+    bounded = np.array(both.outcomes) == BOUNDED
+    said = np.array([status.endswith("bounded") for status in both.statuses])
+    assert 5 < said.sum() < 45
+    assert (bounded != said).sum() <= 1  # C bounds its dual search too
+    assert np.array(both.differences)[bounded == said].max() < SAME
 
 
 def test_the_filter_comes_back_to_its_constant_gain(tmp_path):

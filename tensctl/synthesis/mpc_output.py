@@ -232,8 +232,8 @@ class OutputMPC(MPC):
         ahead = rest.inputs + target.inputs + course[1:]
         start, margin = np.concatenate([state, inputs]) - at_rest - motion, margin + tensions
         change, (lower, upper), reach = np.diff(course, axis=0), self.hard.range, self.hard.reach
-        wanted = self._wanted(piece, t)
-        return Limits(start, margin, lower - ahead, upper - ahead, -reach - change, reach - change, ahead, wanted)
+        wanted, plan = self._wanted(piece, t), None if self._plan is None else self._continued(self._plan) - ahead
+        return Limits(start, margin, lower - ahead, upper - ahead, -reach - change, reach - change, ahead, wanted, plan)
 
     def _motion(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the path adds to its own rest when a command begins to act: state and inputs then, inputs, tensions."""
