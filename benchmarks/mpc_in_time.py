@@ -84,8 +84,8 @@ def main() -> None:
     for name, work in (("bounded", None), ("to the end", 1e10)):
         mpc = tc.MPC(linear, horizon=HORIZON, dt=DT, rate_max=RATE)
         if work is not None:
-            asked = mpc.problem
-            mpc._piece(0)._solvers["primal", True] = PrimalSolver(asked.H, asked.rows, HORIZON, soft=True, work=work)
+            asked, piece = mpc.problem, mpc.piece_at(0.0)
+            piece._solvers["primal", True] = PrimalSolver(asked.H, asked.rows, HORIZON, soft=True, work=work)
         controller = Timed(mpc)
         run = tc.simulate(dynamics, rest, controller=controller, timepts=times, pushes=loads, rate_max=RATE)
         rows += rows_of(name, controller, run, rest)

@@ -49,7 +49,7 @@ class Watched(Timed):
 
     def __init__(self, mpc: tc.MPC) -> None:
         super().__init__(mpc)
-        self.counting, self.acting = Counting(mpc._piece(0)), []
+        self.counting, self.acting = Counting(mpc.piece_at(0.0)), []
 
     def step(self, t, measurement):
         """The controller's command."""

@@ -15,7 +15,7 @@ from tensctl.jit import bare, jit, part
 
 _FREE, _TAIL, _HEAD, _FIXED = 0, 1, 2, 3
 # m^2, added to a squared length so that a tendon whose ends meet (it is slack) has a direction of zero, not 0/0.
-_NOTHING = 1e-300
+NOTHING = 1e-300
 
 
 class KernelData(NamedTuple):
@@ -93,7 +93,7 @@ def haul(data, s, pull, place, force):
     one, two = np.uint64(data.row), np.uint64(2 * data.row)
     a, b = data.tail_at[s], data.head_at[s]
     x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
-    pull /= np.sqrt(x * x + y * y + z * z + _NOTHING)
+    pull /= np.sqrt(x * x + y * y + z * z + NOTHING)
     tug(data, force, a, b, pull * x, pull * y, pull * z)
 
 
@@ -114,7 +114,7 @@ def cable_forces(data, place, rest, spring, least, load, force, gap):
         for s in range(first, last):
             a, b = data.tail_at[s], data.head_at[s]
             x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
-            total += np.sqrt(x * x + y * y + z * z + _NOTHING)
+            total += np.sqrt(x * x + y * y + z * z + NOTHING)
         gap[t] = total - rest[t]
         pull = spring[t] * max(gap[t], least)
         for s in range(first, last):
@@ -130,7 +130,7 @@ def gap_rates(data, place, speed, rest_rate, rate):
         a, b = data.tail_at[t], data.head_at[t]
         x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
         u, v, w = speed[b] - speed[a], speed[b + one] - speed[a + one], speed[b + two] - speed[a + two]
-        rate[t] = (x * u + y * v + z * w) / np.sqrt(x * x + y * y + z * z + _NOTHING) - rest_rate[t]
+        rate[t] = (x * u + y * v + z * w) / np.sqrt(x * x + y * y + z * z + NOTHING) - rest_rate[t]
 
 
 @bare
@@ -145,7 +145,7 @@ def cable_rates(data, place, speed, rest_rate, rate):
             a, b = data.tail_at[s], data.head_at[s]
             x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
             u, v, w = speed[b] - speed[a], speed[b + one] - speed[a + one], speed[b + two] - speed[a + two]
-            rate[t] += (x * u + y * v + z * w) / np.sqrt(x * x + y * y + z * z + _NOTHING)
+            rate[t] += (x * u + y * v + z * w) / np.sqrt(x * x + y * y + z * z + NOTHING)
         first = last
 
 
@@ -163,7 +163,7 @@ def damped_cable_forces(data, place, speed, rest, load, force):
             a, b = data.tail_at[s], data.head_at[s]
             x, y, z = place[b] - place[a], place[b + one] - place[a + one], place[b + two] - place[a + two]
             u, v, w = speed[b] - speed[a], speed[b + one] - speed[a + one], speed[b + two] - speed[a + two]
-            length = np.sqrt(x * x + y * y + z * z + _NOTHING)
+            length = np.sqrt(x * x + y * y + z * z + NOTHING)
             total += length
             growing += (x * u + y * v + z * w) / length
         if total > rest[t]:

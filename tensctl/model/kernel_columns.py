@@ -14,10 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tensctl.jit import bare
-from tensctl.model.kernel import KernelData, tidy
+from tensctl.model.kernel import NOTHING, KernelData, tidy
 
 _FREE, _TAIL, _HEAD, _FIXED = 0, 1, 2, 3
-_NOTHING = 1e-300
 
 
 class ColumnRoom(NamedTuple):
@@ -59,7 +58,7 @@ def segment(data, s, room):
     x = room.place[b] - room.place[a]
     y = room.place[b + 1] - room.place[a + 1]
     z = room.place[b + 2] - room.place[a + 2]
-    length = np.sqrt(x * x + y * y + z * z + _NOTHING)
+    length = np.sqrt(x * x + y * y + z * z + NOTHING)
     u = room.speed[b] - room.speed[a]
     v = room.speed[b + 1] - room.speed[a + 1]
     w = room.speed[b + 2] - room.speed[a + 2]

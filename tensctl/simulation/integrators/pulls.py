@@ -12,9 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensctl.jit import part
-
-# m^2, added to a squared length so that a tendon whose ends meet (it is slack) has a direction of zero, not 0/0.
-_NOTHING = 1e-300
+from tensctl.model.kernel import NOTHING
 
 
 @part
@@ -45,7 +43,7 @@ def pulls(rest, spring, least, span, gap):
     x, y, z = span, span[n:], span[n + n :]
     for t in range(n):
         a, b, c = x[t], y[t], z[t]
-        length = np.sqrt(a * a + b * b + c * c + _NOTHING)
+        length = np.sqrt(a * a + b * b + c * c + NOTHING)
         over = length - rest[t]
         gap[t] = over
         pull = spring[t] * max(over, least) / length
