@@ -51,8 +51,12 @@ class Both:
         self.python.reset()
         self.c.reset()
 
+    def as_array(self, measurement):
+        """A measurement as the C source reads it."""
+        return flat(measurement) if self.sensors is None else np.concatenate([measurement.values, measurement.inputs])
+
     def step(self, t, measurement):
-        seen = flat(measurement) if self.sensors is None else np.concatenate([measurement.values, measurement.inputs])
+        seen = self.as_array(measurement)
         if self.asked is not None:
             seen = np.concatenate([seen, self.asked(t)])
         wanted = self.python.step(t, measurement)

@@ -267,9 +267,7 @@ class TestWhatIsSaid:
         with pytest.raises(tc.SynthesisError, match=r"lag by 0\.2 s, so a measurement needs commands"):
             tc.lqr(linear, dt=0.02).step(0.0, Bare())
 
-    def test_what_does_not_know_the_lag_refuses(self, mast, tmp_path):
-        dynamics, rest, linear = mast
+    def test_what_does_not_know_the_lag_refuses(self, mast):
+        dynamics, rest, _ = mast
         with pytest.raises(tc.SynthesisError, match="nonlinear MPC counts on rest lengths that follow at once"):
             tc.NonlinearMPC(dynamics, rest, horizon=3)
-        with pytest.raises(tc.OutputError, match="the C source knows none"):
-            tc.export_c(tc.lqr(linear), tmp_path)

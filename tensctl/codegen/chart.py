@@ -31,6 +31,7 @@ class ChartTables:
     size : int
         Coordinates of all rods.
     states : int
+        Of the motion.
     dimension : int
         3, or 2 in a plane.
     rods : tuple of str
@@ -77,7 +78,9 @@ def chart_tables(linear: LinearModel, suffix: str = "") -> ChartTables:
         tables += (Table(f"reference_centre{suffix}", centre, "centre of mass at the reference, m"),)
         pieces = _pieces(linear, nodes - centre)
     rods = tuple(_rod(ends, end_node, nodes[end_node], r) for r in ends.moving.tolist())
-    return ChartTables(suffix, len(nodes), ends.size, len(linear.states), ends.dimension, rods, pieces, tables)
+    return ChartTables(
+        suffix, len(nodes), ends.size, len(linear.mechanics.states), ends.dimension, rods, pieces, tables
+    )
 
 
 def _ends(manifold: RodManifold | JointedManifold) -> tuple[RodManifold, np.ndarray]:

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from tensctl.codegen.literals import Table
 from tensctl.errors import OutputError
 from tensctl.linear import LinearModel
+from tensctl.synthesis.lagging import commands_along
 from tensctl.synthesis.reference import Reference
 
 
@@ -54,8 +55,10 @@ class Course(Generic[P]):
     tables: tuple[Table, ...]
 
 
-def sample_times(reference: Reference, dt: float) -> Float[np.ndarray, " k"]:
+def sample_times(reference: Reference, dt: float, *, lags: bool) -> Float[np.ndarray, " k"]:
     """Times of the samples up to the first at which a reference is at rest for good, s.
+
+    Commands of actuators with lag rest a sample later: they are told from half a period back.
 
     Raises
     ------
@@ -68,7 +71,7 @@ def sample_times(reference: Reference, dt: float) -> Float[np.ndarray, " k"]:
             f"this controller follows a {type(reference).__name__} that does not say when it comes to rest, and C "
             "source holds tables of what it follows; give the class an attribute `ends`, s."
         )
-    return dt * np.arange(1 if ends <= 0 else int(ends / dt) + 2)
+    return dt * np.arange(1 if ends <= 0 else int(ends / dt) + 2 + lags)
 
 
 def course_of(reference: Reference, dt: float, delay: float, part_at: Callable[[float], P]) -> Course[P]:
@@ -79,7 +82,7 @@ def course_of(reference: Reference, dt: float, delay: float, part_at: Callable[[
     OutputError
         A reference that never rests for good, or models of different numbers of states.
     """
-    samples = sample_times(reference, dt)
+    samples = sample_times(reference, dt, lags=part_at(0.0).linear.lag > 0)
     found = [part_at(t) for t in samples.tolist()]
     parts = tuple({id(part): part for part in found}.values())
     numbers = {id(part): k for k, part in enumerate(parts)}
@@ -90,13 +93,14 @@ def course_of(reference: Reference, dt: float, delay: float, part_at: Callable[[
         )
     acts = samples + delay
     states = [
-        part.linear.state_of(reference.nodes_at(t), reference.velocities_at(t))
+        part.linear.seen(reference.nodes_at(t), reference.velocities_at(t), reference.inputs_at(t))
         for t, part in zip(acts.tolist(), found, strict=True)
     ]
+    inputs = commands_along(reference, acts, parts[0].linear.lag, dt)
     tables = (
         Table("course_model", np.array([numbers[id(part)] for part in found]), "which model acts at each sample"),
         Table("course_state", np.array(states), "state of the reference in it when the command begins to act"),
-        Table("course_inputs", reference.inputs_at(acts), "and total inputs of the reference then, m"),
+        Table("course_inputs", inputs, "and total inputs of the reference then, m"),
     )
     suffixes = ("",) if len(parts) == 1 else tuple(f"_{k}" for k in range(len(parts)))
     return Course(acts, parts, suffixes, tables)

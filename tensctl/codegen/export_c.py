@@ -64,7 +64,7 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
     Raises
     ------
     OutputError
-        A controller without a form in C, one for actuators with lag, or a place that cannot be written.
+        A controller without a form in C, or a place that cannot be written.
     """
     if max_iterations is not None and (not isinstance(max_iterations, int) or max_iterations < 1):
         raise OutputError(f"max_iterations is {max_iterations}; a whole number >= 1 is expected.")
@@ -83,7 +83,6 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
 
 
 def _made(controller: Exportable, name: str, max_iterations: int | None) -> CSource:
-    _refuse_lag(controller)
     if isinstance(controller, LQG):
         found = lqg_facts(controller)
     elif isinstance(controller, MPC):
@@ -93,20 +92,10 @@ def _made(controller: Exportable, name: str, max_iterations: int | None) -> CSou
     else:
         raise OutputError(f"{type(controller).__name__} has no form in C; give an LQR, an LQG or an MPC.")
     facts: dict[str, Any] = {"name": name, "version": __version__, "number": number}
-    facts |= {"charts": (), "delay": 0.0, "sensors": 0, "signal": None} | found
+    facts |= {"charts": (), "delay": 0.0, "lag": 0.0, "sensors": 0, "signal": None} | found
     tables = (*(table for chart in facts["charts"] for table in chart.tables), *facts["tables"])
     facts |= {"tables": tables}
     return CSource(facts["kind"], _filled("controller.h", facts), _filled("controller.c", facts), tables)
-
-
-def _refuse_lag(controller: Exportable) -> None:
-    first = controller.designs[0] if isinstance(controller, ScheduledLQR) else controller
-    lag = getattr(getattr(first, "linear", None), "lag", 0.0)
-    if lag:
-        raise OutputError(
-            f"this controller is designed for actuators that lag by {lag:g} s, and the C source knows none; export one "
-            "of a scene without actuators.lag, with inputs that cost more."
-        )
 
 
 def _filled(template: str, facts: dict[str, Any]) -> str:

@@ -33,10 +33,12 @@ def lqr_facts(design: LQR | SampledLQR | ScheduledLQR) -> dict[str, Any]:
     if any(isinstance(part, SampledLQR) != sees_inputs for part in course.parts):
         raise OutputError("designs along this path are sampled in part; give scheduled_lqr one kind of design.")
     linear = course.parts[0].linear
-    states, inputs = charts[0].states, linear.inputs
-    return shown_states(charts[0].nodes, len(inputs)) | {
+    states, inputs = len(linear.states), linear.inputs
+    rests = [Table(f"input_rest{s}", p.linear.equilibrium.inputs, "inputs at the equilibrium, m") for p, s in pairs]
+    return shown_states(charts[0].nodes, linear, commands=sees_inputs) | {
         "kind": "lqr", "dt": design.dt, "charts": charts, "gains": [gain.name for gain in gains], "inputs": inputs,
-        "tables": (*gains, *course.tables, *_limits(linear)), "sees_inputs": sees_inputs,
+        "tables": (*gains, *course.tables, *(rests if linear.lag else ()), *_limits(linear)),
+        "input_rests": [table.name for table in rests], "sees_inputs": sees_inputs,
         "sizes": [
             ("GAINED", states + sees_inputs * len(inputs), "states, and inputs where the gain sees them"),
             ("COURSE", len(course.times), "samples after which the reference rests"),
@@ -71,7 +73,9 @@ def lqg_facts(design: LQG) -> dict[str, Any]:
     )
     measured = (
         f"{ny} sensor values (m, N): " + ", ".join(design.sensors.labels),
-        f"{nu} inputs u as they are now (m)",
+        f"{nu} commands, what was asked of the inputs until now (m)"
+        if design.linear.lag
+        else f"{nu} inputs u as they are now (m)",
     )
     return {
         "kind": "lqg", "dt": design.dt, "tables": tables, "inputs": design.linear.inputs, "measured": measured,

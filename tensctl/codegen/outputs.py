@@ -13,25 +13,28 @@ import numpy as np
 from tensctl.codegen.course import sample_times
 from tensctl.codegen.literals import Table
 from tensctl.codegen.problem import ProblemTables, problem_tables
+from tensctl.codegen.states import shown_inputs
 from tensctl.synthesis import OutputMPC
+from tensctl.synthesis.lagging import commands_along
 from tensctl.synthesis.offset_filter import ABSURD, BACK, PATIENCE
 from tensctl.synthesis.steady_target import KEPT
 
 
 def output_facts(mpc: OutputMPC) -> dict[str, Any]:
     """Filter, target and what is wanted at rest, sample by sample."""
-    ny, nu, nx = len(mpc.sensors.labels), len(mpc.linear.inputs), len(mpc.linear.states)
-    times = sample_times(mpc.wanted, mpc.dt) + mpc.delay
+    ny, nx = len(mpc.sensors.labels), len(mpc.linear.states)
+    times = sample_times(mpc.wanted, mpc.dt, lags=mpc.linear.lag > 0) + mpc.delay
     target = _target(mpc)
+    own, size = shown_inputs(mpc.linear)
     measured = (
         f"{ny} sensor values (m, N): " + ", ".join(mpc.sensors.labels),
-        f"{nu} inputs u as they are now (m)",
+        *own,
         "NaN stands for a value that is missing",
     )
     carried = Table("until_E", mpc.carried, "state when the next command begins to act from the disturbances")
     tables = (*target.tables, *_filter_tables(mpc), *_rest_tables(mpc), *_course_tables(mpc, times))
     return {
-        "sensors": ny, "measured": measured, "size": ny + nu, "target": target, "times": times,
+        "sensors": ny, "measured": measured, "size": ny + size, "lag": mpc.linear.lag, "target": target, "times": times,
         "tables": (*tables, carried) if mpc.delay else tables, "parts": (mpc.piece_at(0.0),), "suffixes": ("",),
         "moves": len(times) > 1, "absurd": ABSURD, "patience": PATIENCE, "back": BACK, "kept": KEPT,
         "sizes": [
@@ -93,6 +96,9 @@ def _course_tables(mpc: OutputMPC, times: np.ndarray) -> tuple[Table, ...]:
         return tables
     motion = np.array([mpc.moving_state(t) for t in times.tolist()])
     tension = mpc.problem.scaled(path.tensions_at(times))
+    if mpc.linear.lag:
+        commands = commands_along(path, times, mpc.linear.lag, mpc.dt)
+        tables += (Table("course_commands", commands, "and the commands that bring them about, m"),)
     return (
         *tables,
         Table("course_motion", motion, "state then that the motion of the reference adds"),

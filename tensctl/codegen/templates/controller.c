@@ -11,8 +11,9 @@ enum {
     AXES = << charts[0].dimension >>,
     RODS = << charts[0].rods|length >>,
     COORDINATES = << charts[0].size >>,
-    STATES = << charts[0].states >>,
-    MODES = STATES / 2,
+    MOTION = << charts[0].states >>, /* states of the nodes */
+    MODES = MOTION / 2,
+    STATES = MOTION<< " + INPUTS" if lag >>,
 {% endif %}
 {% for name, count, says in sizes %}
     << name >> = << count >><< "," if not loop.last >>{% if says %} /* << says >> */{% endif %}

@@ -7,6 +7,10 @@ static struct {
 
 {% include "course.c" %}
 
+{% if lag %}
+{% include "lag.c" %}
+
+{% endif %}
 /* One gain for each model. */
 static const double *const gains[] = {<< gains|join(", ") >>};
 
@@ -17,12 +21,15 @@ static void answer(const double *measurement)
     const double *next = course_inputs + ahead(1) * INPUTS;
     double error[GAINED], change[INPUTS] = {0.0};
     state_of(&charts[chosen], measurement, measurement + 3 * NODES, error);
+{% if lag %}
+    see_actual(chosen, measurement + 6 * NODES, error);
+{% endif %}
     for (int i = 0; i < STATES; i++) {
         error[i] -= course_state[at * STATES + i];
     }
 {% if sees_inputs %}
     for (int i = 0; i < INPUTS; i++) {
-        error[STATES + i] = measurement[6 * NODES + i] - course_inputs[at * INPUTS + i];
+        error[STATES + i] = measurement[6 * NODES<< " + INPUTS" if lag >> + i] - course_inputs[at * INPUTS + i];
     }
 {% endif %}
     add_product(INPUTS, GAINED, -1.0, gains[chosen], error, change);

@@ -5,6 +5,9 @@ static struct {
     int begun, planned; /* whether there was a step, and a plan */
     int sample;         /* periods since the first step, no more than matter */
     double command[INPUTS], plan[MOST_VARIABLES]; /* total changes of rest length */
+{% if lag %}
+    double actual[INPUTS]; /* those that actuators have */
+{% endif %}
 {% if sensors %}
 
     /* The filter: estimate of states and disturbances, inputs at its sample, P where it varies, for how many samples on
@@ -45,6 +48,10 @@ static struct {
 
 {% include "course.c" %}
 
+{% if lag %}
+{% include "lag.c" %}
+
+{% endif %}
 {% include "see_outputs.c" if sensors else "see_state.c" %}
 
 {% if signal %}
@@ -64,6 +71,16 @@ static void state_problem(const struct problem *problem)
     }
 }
 
+{% if lag %}
+/* Total commands now, by the last one where they are not measured; rest lengths that actuators have, by what they should
+ * have; and those that the command of this step departs from{% if delay %}: by then the one under way is reached{% endif %}. */
+static void see_inputs(const double *measured)
+{
+    for (int i = 0; i < INPUTS; i++) {
+        self.now[i] = is_number(measured[INPUTS + i]) ? measured[INPUTS + i] : self.command[i];
+        self.actual[i] = is_number(measured[i]) ? measured[i] : self.begun ? self.actual[i] : self.now[i];
+    }
+{% else %}
 /* Total inputs as they are, by the last command where they are not measured, and those that the command of this step
  * departs from{% if delay %}: by then the one under way is reached{% endif %}. */
 static void see_inputs(const double *measured)
@@ -71,6 +88,7 @@ static void see_inputs(const double *measured)
     for (int i = 0; i < INPUTS; i++) {
         self.now[i] = is_number(measured[i]) ? measured[i] : self.command[i];
     }
+{% endif %}
     memcpy(self.begins, << "self.begun ? self.command : self.now" if delay else "self.now" >>, sizeof self.begins);
 }
 
@@ -128,6 +146,20 @@ static void plan_anew(const struct problem *problem)
     }
 }
 
+{% if lag %}
+/* What actuators should have at the next sample. */
+static void go_on(void)
+{
+    double there[INPUTS];
+    const double share = 1.0 - << number(delay) >> / TENSCTL_PERIOD; /* of the way to the command, by then */
+    for (int i = 0; i < INPUTS; i++) {
+        there[i] = self.begins[i] + share * (self.command[i] - self.begins[i]);
+    }
+    follow(<< number(delay) >>, self.now, self.begins, self.actual);
+    follow(share * TENSCTL_PERIOD, self.begins, there, self.actual);
+}
+
+{% endif %}
 static void answer(const double *measurement)
 {
     see_inputs(measurement + << "SENSORS" if sensors else "6 * NODES" >>);
@@ -140,4 +172,7 @@ static void answer(const double *measurement)
         double near = clipped(self.plan[i], self.begins[i] - reach[i], self.begins[i] + reach[i]);
         self.command[i] = clipped(near, input_lower[i], input_upper[i]);
     }
+{% if lag %}
+    go_on();
+{% endif %}
 }

@@ -11,6 +11,13 @@ static const struct problem *see(const double *measurement)
     for (int i = 0; i < INPUTS; i++) {
         change[i] = self.now[i] - input_rest[i];
     }
+{% if lag %}
+    if (!self.known) {
+        for (int i = 0; i < INPUTS; i++) {
+            self.estimate[STATES - INPUTS + i] = self.actual[i] - input_rest[i];
+        }
+    }
+{% endif %}
     estimate(measurement, change);
     aim();
 {% if delay %}
@@ -47,13 +54,19 @@ static const struct problem *see(const double *measurement)
     for (int i = 0; i < STATES; i++) {
         self.given[i] -= course_motion[at * STATES + i];
     }
-    for (int j = 1; j <= HORIZON; j++) {
-        const int then = ahead(j);
+{% if lag %}
+    for (int i = 0; i < INPUTS; i++) {
+        self.given[STATES + i] -= course_commands[at * INPUTS + i] - course_inputs[at * INPUTS + i];
+    }
+{% endif %}
+    for (int j = 0; j <= HORIZON; j++) {
+        const double *then = << "course_commands" if lag else "course_inputs" >> + ahead(j) * INPUTS;
         for (int i = 0; i < INPUTS; i++) {
-            self.about[j * INPUTS + i] += course_inputs[then * INPUTS + i] - course_inputs[at * INPUTS + i];
+            self.about[j * INPUTS + i] += then[i] - course_inputs[at * INPUTS + i];
         }
-        for (int i = 0; i < TENSIONS; i++) {
-            self.margin[(j - 1) * TENSIONS + i] += course_tension[then * TENSIONS + i] - course_tension[at * TENSIONS + i];
+        for (int i = 0; i < TENSIONS && j > 0; i++) {
+            double grown = course_tension[ahead(j) * TENSIONS + i] - course_tension[at * TENSIONS + i];
+            self.margin[(j - 1) * TENSIONS + i] += grown;
         }
     }
 {% endif %}

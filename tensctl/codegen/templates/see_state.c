@@ -41,6 +41,9 @@ static const struct problem *see(const double *measurement)
     const double *passed = course_inputs + at * INPUTS;
     double x[STATES];
     state_of(&charts[chosen], measurement, measurement + 3 * NODES, x);
+{% if lag %}
+    see_actual(chosen, self.actual, x);
+{% endif %}
 {% if delay %}
     const struct until *until = &untils[chosen];
     double change[INPUTS], coming[INPUTS];
