@@ -221,6 +221,33 @@ class TestProblem:
             assert not rollout.by_inputs[k, :, :, :, :: loose.size].any()
 
 
+def spoilt(measurement, chance, rng):
+    """What one sample in four is: not there, with a number missing, without inputs, or absurdly fast."""
+    if chance < 0.05:
+        return None
+    nodes, velocities, inputs = measurement.nodes.copy(), measurement.velocities, measurement.inputs
+    if chance < 0.1:
+        nodes[rng.integers(len(nodes))] = np.nan
+    elif chance < 0.15:
+        inputs = np.nan * inputs
+    elif chance < 0.25:
+        velocities = 1e7 * velocities
+    return tc.Measurement(nodes, velocities, measurement.lengths, measurement.tensions, inputs)
+
+
+class Faulty:
+    """A controller behind faulty sensors."""
+
+    def __init__(self, controller):
+        self.controller, self.dt, self.rng = controller, controller.dt, np.random.default_rng(5)
+
+    def reset(self):
+        self.controller.reset()
+
+    def step(self, t, measurement):
+        return self.controller.step(t, spoilt(measurement, self.rng.random(), self.rng))
+
+
 class Rough:
     """A reference that jumps about."""
 
@@ -254,6 +281,56 @@ class TestLoop:
         rates = np.diff(run.rest_lengths, axis=0) / np.diff(run.time)[:, None]
         assert 0.99 * RATE < np.abs(rates).max() <= RATE * (1 + 1e-9)
         assert (run.rest_lengths >= dynamics.members.floors * (1 - 1e-12)).all()
+
+    @pytest.mark.filterwarnings("error")
+    @pytest.mark.parametrize("name", ["free", "pinned", "joints, guides, weight"])
+    def test_faulty_samples_pushes_and_references_out_of_reach(self, name):
+        """No exception, no hard limit broken, and every step says what it was."""
+        dynamics, rest = tc.build_dynamics(SCENES[name]), tc.find_equilibrium(SCENES[name])
+        controller = tc.NonlinearMPC(dynamics, Rough(rest), horizon=HORIZON, rate_max=RATE, u_max=0.4)
+        free = dynamics.structure.free.all(axis=1)
+        node = dynamics.structure.node_labels[np.flatnonzero(free)[-1]]
+        pushes = [tc.Push(node, (20.0, -15.0, 5.0), start=0.2, stop=0.3)]
+        run = tc.simulate(dynamics, rest, controller=Faulty(controller), t_end=1.0, pushes=pushes)
+        rates = np.diff(run.rest_lengths, axis=0) / np.diff(run.time)[:, None]
+        assert np.abs(rates).max() <= RATE * (1 + 1e-9)
+        assert (run.rest_lengths >= dynamics.members.floors * (1 - 1e-12)).all()
+        assert np.abs(run.inputs).max() <= 0.4 * (1 + 1e-12)
+        statuses = [r.status for r in controller.records]
+        assert len(statuses) == 51
+        assert statuses.count("no measurement") > 2
+        assert statuses.count("fallback") > 2
+        assert set(statuses) <= {"no measurement", "fallback", "daqp", "primal", "primal relaxed", "primal bounded"}
+        optima = [r.kkt for r in controller.records if r.status in ("daqp", "primal", "primal relaxed")]
+        assert max(optima) < 1e-9
+
+    def test_modes_too_fast_for_samples(self):
+        """A tendon 100 times stiffer: roll-outs have its mode, and keep it taut where a linear model without cannot."""
+        stiffness = {"*": 100.0, "t5_1_1": 1e4}
+        dynamics, rest, linear = solved(shell_scene(pins=["P1_*_1"], tendons={"stiffness": stiffness}), outputs=())
+        with pytest.raises(tc.SynthesisError, match='modes = "truncate"'):
+            tc.NonlinearMPC(dynamics, rest, horizon=HORIZON)
+        ours = tc.NonlinearMPC(dynamics, rest, horizon=HORIZON, modes="truncate")
+        assert [mode.index for mode in ours.measure.linear.condensed] == [20]
+        known, seen = tc.MPC(linear.flexible, horizon=HORIZON, modes="truncate"), disturbed(rest, 1.0)
+        start, ends = (seen.nodes, seen.velocities), []
+        for controller in (ours, known):
+            run = tc.simulate(dynamics, start, controller=controller, t_end=1.0)
+            ends.append(run.distance_to(rest.nodes)[-1])
+        assert ends[0] < 0.5 * ends[1]
+        assert max(r.kkt for r in ours.records) < 1e-9
+
+    @pytest.mark.parametrize("ratio", [1e8, 1e12])
+    def test_tendons_too_stiff_to_roll_out(self, ratio):
+        scene = shell_scene(pins=["P1_*_1"], tendons={"stiffness": {"*": 100.0, "t5_*": 100.0 * ratio}})
+        dynamics, rest, linear = solved(scene, outputs=())
+        with pytest.raises(
+            tc.SynthesisError, match=r'or tc\.MPC, which with modes = "truncate" leaves such motions out'
+        ):
+            tc.NonlinearMPC(dynamics, rest, horizon=HORIZON, modes="truncate")
+        assert np.isfinite(
+            tc.MPC(linear.flexible, horizon=HORIZON, modes="truncate").step(0.0, disturbed(rest, 0.0))
+        ).all()
 
     def test_when_every_solver_fails(self, mast, controller, monkeypatch):
         """The last plan goes on, a period later, and the record says so."""
@@ -405,7 +482,7 @@ def test_a_scene_asks_for_it(tmp_path):
     scene = shell_scene(
         pins=["P1_*_1"],
         target={"height_scale": 1.1, "duration": 3.0},
-        mpc={"model": "nonlinear", "horizon": HORIZON, "iterations": 2, "u_max": 0.6},
+        mpc={"model": "nonlinear", "horizon": HORIZON, "iterations": 2, "u_max": 0.6, "modes": "truncate"},
         simulation={"t_end": 0.2, "controller": "mpc"},
     )
     results = tc.run(scene, tmp_path)

@@ -174,7 +174,7 @@ SENTENCES = [
     ),
     (
         {"mpc": {"model": "nonlinear", "solver": "piqp"}},
-        'mpc.model is "nonlinear"; solver, modes, feedback and follow are for "linear", so leave them out.',
+        'mpc.model is "nonlinear"; solver, feedback and follow are for "linear", so leave them out.',
     ),
     ({"mpc": {"iterations": 3}}, 'mpc.iterations is 3; only model = "nonlinear" repeats its steps.'),
     ({"mpc": {"horizon": 0}}, "mpc.horizon is 0; expected a whole number >= 1 (control periods)."),

@@ -111,7 +111,7 @@ def nonlinear_mpc(asked: MpcStage, dynamics: Dynamics, reference: Reference | Eq
     return NonlinearMPC(
         dynamics, reference, horizon=asked.horizon, dt=asked.dt, tension_min=asked.tension_min, rate_max=asked.rate_max,
         u_max=asked.u_max, weights=mpc_weights(asked, dynamics.structure), delay=asked.delay,
-        iterations=asked.iterations,
+        modes=asked.modes, iterations=asked.iterations,
     )  # fmt: skip
 
 

@@ -168,11 +168,9 @@ class MpcStage(CostStage):
 
     @model_validator(mode="after")
     def _fits_its_model(self) -> Self:
-        plain = (self.solver, self.modes, self.feedback, self.follow) == ("auto", "refuse", "states", ())
+        plain = (self.solver, self.feedback, self.follow) == ("auto", "states", ())
         if self.model == "nonlinear" and not plain:
-            raise complaint(
-                'is "nonlinear"; solver, modes, feedback and follow are for "linear", so leave them out', "model"
-            )
+            raise complaint('is "nonlinear"; solver, feedback and follow are for "linear", so leave them out', "model")
         if self.model == "linear" and self.iterations != 1:
             raise complaint(f'is {self.iterations}; only model = "nonlinear" repeats its steps', "iterations")
         return self

@@ -32,9 +32,9 @@ from tensctl.synthesis.nonlinear_problem import Bounds, Linearised, Measure
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_anew import answer
 from tensctl.synthesis.qp_primal import PrimalSolver
-from tensctl.synthesis.reference import Hold, Reference, refuse_beyond
+from tensctl.synthesis.reference import Hold, Reference, refuse_beyond, rests
 from tensctl.synthesis.rollout import rolling
-from tensctl.synthesis.sampling_limit import below_sampling_limit
+from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import Seen, known_inputs, seen
 from tensctl.synthesis.step_record import StepRecord, told
 from tensctl.synthesis.weights import Size
@@ -64,6 +64,8 @@ class NonlinearMPC:
         What to hold, or a path to follow.
     horizon, dt, tension_min, rate_max, u_max, weights, delay
         As `tc.MPC` has them.
+    modes : "refuse" or "truncate"
+        Modes beyond the Nyquist frequency: refused, or left out of what deviations cost. Roll-outs have them all.
     iterations : int
         Roll-outs and QPs a step; 1 is the real-time iteration.
 
@@ -72,7 +74,7 @@ class NonlinearMPC:
     SceneError
         A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        Actuators with lag, no input, a mode beyond the Nyquist frequency, a motion too fast for the
+        Actuators with lag, no input, a mode beyond the Nyquist frequency that is refused, a motion too fast for the
         period, or no solution of the terminal Riccati equation.
     """
 
@@ -91,9 +93,10 @@ class NonlinearMPC:
         u_max: Size | None = None,
         weights: Weights | None = None,
         delay: float = 0.0,
+        modes: Fast = "refuse",
         iterations: int = 1,
     ) -> None:
-        asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, delay=delay)
+        asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, delay=delay, modes=modes)
         check_asked(tension_min, delay, asked.dt)
         if int(iterations) != iterations or iterations < 1:
             raise SynthesisError(f"iterations is {iterations}; a whole number, at least 1, is expected.")
@@ -105,6 +108,7 @@ class NonlinearMPC:
                 "follow at once; take linear MPC, or a scene without actuators.lag."
             )
         self.dynamics, self.iterations = dynamics, int(iterations)
+        self._modes: Fast = modes
         self.horizon, self.dt, self.delay = asked.horizon, asked.dt, asked.delay
         self.tension_min, self.rate_max, self.u_max = float(tension_min), asked.rate_max, asked.u_max
         self.weights = Weights() if weights is None else weights
@@ -156,9 +160,8 @@ class NonlinearMPC:
             return self._no_measurement(t, now, began)
         plan, ahead, kkt, relaxed, change = self._shifted(t, now), self._ahead(t), np.nan, 0.0, 0.0
         for _ in range(self.iterations):
-            qp = self.statement(t, look, plan)
-            found = answer(qp, self.horizon) if np.isfinite(qp.f).all() else None
-            if found is None:
+            step = self.linearised(t, look, plan)
+            if not step.rollout.finite or (found := answer(qp := step.qp(), self.horizon)) is None:
                 break
             z, status, kkt = found
             relaxed = self._shortfall(qp, z)
@@ -203,10 +206,11 @@ class NonlinearMPC:
 
     def _wanted(self, t: float, measure: Measure) -> Float[np.ndarray, "N nx"]:
         """States of the reference at the ends of the coming periods."""
-        asked = self.reference
-        if isinstance(asked, Hold):
-            return np.zeros((self.horizon, len(measure.linear.states)))
-        return np.array([measure.linear.state_of(asked.nodes_at(s), asked.velocities_at(s)) for s in self._times(t)])
+        asked, times = self.reference, self._times(t)
+        still = rests(asked, times[0])
+        moving = times[:1] if still else times
+        states = np.array([measure.linear.state_of(asked.nodes_at(s), asked.velocities_at(s)) for s in moving])
+        return np.tile(states, (self.horizon, 1)) if still else states
 
     def _bounds(self, t: float, now: np.ndarray) -> Bounds:
         members, ahead = self.dynamics.members, self._ahead(t)
@@ -286,6 +290,6 @@ class NonlinearMPC:
         """What deviations cost near a planned equilibrium."""
         if knot not in self._measures:
             linear = linearize(self.dynamics, self.reference.equilibria[knot], outputs=()).flexible
-            linear = below_sampling_limit(linear, self.dt, "refuse")
+            linear = below_sampling_limit(linear, self.dt, self._modes)
             self._measures[knot] = Measure.of(linear, self.dt, self.weights)
         return self._measures[knot]

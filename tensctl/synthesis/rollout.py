@@ -54,6 +54,12 @@ class Rollout:
     by_inputs: Float[np.ndarray, "N 2 K 3 z"]
     stretch_by_inputs: Float[np.ndarray, "N nt z"]
 
+    @property
+    def finite(self) -> bool:
+        """Whether the motion and its derivatives are numbers: one far too fast for the steps is not."""
+        parts = self.nodes, self.velocities, self.stretches, self.by_inputs, self.stretch_by_inputs
+        return all(bool(np.isfinite(part).all()) for part in parts)
+
 
 @dataclass(frozen=True, eq=False)
 class Rolling:
@@ -129,7 +135,8 @@ def rolling(dynamics: Dynamics, dt: float) -> Rolling:
     if steps > _MOST:
         raise SynthesisError(
             f"a period of {dt:g} s takes {steps} steps of the fastest motion, {fastest:.3g} 1/s; at most {_MOST} are "
-            f"expected, so take dt below {_MOST * _PHASE / fastest:.2g} s."
+            f"expected, so take dt below {_MOST * _PHASE / fastest:.2g} s, or tc.MPC, which with "
+            'modes = "truncate" leaves such motions out.'
         )
     return Rolling(dynamics, dt, steps)
 
