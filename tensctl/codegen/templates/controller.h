@@ -35,7 +35,7 @@ extern "C" {
 enum tensctl_outcome {
     TENSCTL_OK = 0,       /* as designed */
     TENSCTL_RELAXED = 1,  /* tension floors cannot all be kept: relaxed by the least */
-    TENSCTL_FALLBACK = 2, /* no inputs keep all hard limits as they come: what the last plan would do next */
+    TENSCTL_FALLBACK = 2, /* inputs as they come are too far beyond their bounds: what the last plan would do next */
 {% if kind == "mpc" %}
     TENSCTL_REFUSED = 3,  /* the measurement tells nothing: what the last plan would do next */
 {% else %}

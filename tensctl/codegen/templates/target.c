@@ -31,4 +31,5 @@ static void aim(void)
         add_product(STATES, INPUTS, 1.0, rest_from_inputs, self.target + STATES, self.target);
         add_product(STATES, SENSORS, 1.0, rest_from_disturbances, d, self.target);
     }
+    self.report.kkt = -1.0; /* the plan's is reported */
 }
