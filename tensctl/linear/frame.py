@@ -62,9 +62,7 @@ def best_fit(
     rods, mass = potential.structure.rods, potential.members.mass
     c_ref, c_now = mass_centre(potential, reference), mass_centre(potential, nodes)
     moments = _products(rods, mass, nodes - c_now, reference - c_ref)
-    left, _, right = np.linalg.svd(moments)
-    turn = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
-    rotation = _turned(moments) if potential.structure.planar else left @ turn @ right
+    rotation = fitted(moments, potential.structure.planar)
     drift = mass_centre(potential, velocities)
     shape = _products(rods, mass, nodes - c_now, nodes - c_now)
     inertia = np.trace(shape) * np.eye(3) - shape
@@ -74,11 +72,22 @@ def best_fit(
     return Frame(rotation, c_now, c_ref, drift, spin)
 
 
-def _turned(moments: np.ndarray) -> np.ndarray:
-    """The best turn within the plane z = 0, where a fit in space could turn the plane over."""
-    angle = np.arctan2(moments[1, 0] - moments[0, 1], moments[0, 0] + moments[1, 1])
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+def fitted(moments: Float[np.ndarray, "*k 3 3"], flat: bool) -> Float[np.ndarray, "*k 3 3"]:
+    """The rotation that makes R' moments symmetric and largest; `flat`, the best turn within the plane z = 0.
+
+    A fit in space could turn a plane over.
+    """
+    if not flat:
+        left, _, right = np.linalg.svd(moments)
+        left[..., 2] *= np.linalg.det(left @ right)[..., None]
+        return left @ right
+    (a, b), (c, d) = np.moveaxis(moments[..., :2, :2], (-2, -1), (0, 1))
+    angle, rotation = np.arctan2(c - b, a + d), np.zeros_like(moments)
+    rotation[..., 0, 0] = rotation[..., 1, 1] = np.cos(angle)
+    rotation[..., 1, 0] = np.sin(angle)
+    rotation[..., 0, 1] = -rotation[..., 1, 0]
+    rotation[..., 2, 2] = 1.0
+    return rotation
 
 
 def _products(rods: np.ndarray, mass: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

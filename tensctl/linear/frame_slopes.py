@@ -16,8 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.elements import Potential
-from tensctl.linear.frame import best_fit
-from tensctl.statics import mass_centre
+from tensctl.linear.frame import fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,17 +48,16 @@ def still(potential: Potential, reference: np.ndarray, nodes: np.ndarray, veloci
 
 def seen_from_frames(potential: Potential, reference: np.ndarray, nodes: np.ndarray, velocities: np.ndarray) -> View:
     """The view of a free structure's frame at each point."""
-    frames = [best_fit(potential, reference, p, v) for p, v in zip(nodes, velocities, strict=True)]
-    R = np.array([frame.rotation for frame in frames])
-    spin = np.array([frame.spin for frame in frames])
-    here = nodes - np.array([frame.centre for frame in frames])[:, None]
-    fast = velocities - np.array([frame.velocity for frame in frames])[:, None]
-    weights, count = _mass_form(potential).sum(axis=1), len(reference)
+    form, count, flat = _mass_form(potential), len(reference), potential.structure.planar
+    weights = form.sum(axis=1) / form.sum()
+    here, fast = (part - (weights @ part)[:, None] for part in (nodes, velocities))
     changes = np.eye(6 * count).reshape(2, count, 3, -1)
-    place, speed = (change - np.einsum("k,kic->ic", weights / weights.sum(), change) for change in changes)
-    centre = mass_centre(potential, reference)
-    turn = _turn(potential, R, here, reference - centre, place)
-    rate = _spin(potential, spin, here, fast, place, speed)
+    place, speed = (change - np.einsum("k,kic->ic", weights, change) for change in changes)
+    centre = weights @ reference
+    heavy = form @ (reference - centre)
+    R, spin = _fits(form, flat, heavy, here, fast)
+    turn = _turn(flat, R, here, heavy, place)
+    rate = _spin(form, flat, spin, here, fast, place, speed)
     left = fast - np.cross(spin[:, None], here)
     slower = speed - _cross(rate[:, None], here[..., None]) - _cross(spin[:, None, :, None], place)
     values, slopes = [], []
@@ -82,31 +80,44 @@ def _vee(matrix: np.ndarray) -> np.ndarray:
     return np.stack([bent[:, 2, 1], bent[:, 0, 2], bent[:, 1, 0]], axis=1)
 
 
-def _turn(potential: Potential, R: np.ndarray, here: np.ndarray, beside: np.ndarray, place: np.ndarray) -> np.ndarray:
+def _fits(
+    form: np.ndarray, flat: bool, heavy: np.ndarray, here: np.ndarray, fast: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations and spins of the frames at all points, as `linear.frame` has them; `heavy` is form @ reference."""
+    moments, shape = np.swapaxes(here, 1, 2) @ heavy, np.swapaxes(here, 1, 2) @ (form @ here)
+    R = fitted(moments, flat)
+    momentum = -_vee((np.swapaxes(here, 1, 2) @ (form @ fast))[..., None])
+    return R, _over(flat, _inertia(shape), momentum)[..., 0]
+
+
+def _turn(flat: bool, R: np.ndarray, here: np.ndarray, heavy: np.ndarray, place: np.ndarray) -> np.ndarray:
     """Turn of each frame about its own axes, (s, 3, c)."""
-    form = _mass_form(potential)
-    S = np.swapaxes(R, 1, 2) @ np.swapaxes(here, 1, 2) @ (form @ beside)
-    bent = np.einsum("sji,jkc->sikc", R, _moments(form @ beside, place))
-    return _over(potential, np.trace(S, axis1=1, axis2=2)[:, None, None] * np.eye(3) - S, _vee(bent))
+    S = np.swapaxes(R, 1, 2) @ np.swapaxes(here, 1, 2) @ heavy
+    bent = np.einsum("sji,jkc->sikc", R, _moments(heavy, place))
+    return _over(flat, _inertia(S), _vee(bent))
 
 
 def _spin(
-    potential: Potential, spin: np.ndarray, here: np.ndarray, fast: np.ndarray, place: np.ndarray, speed: np.ndarray
-) -> np.ndarray:
+    form: np.ndarray, flat: bool, spin: np.ndarray, here: np.ndarray, fast: np.ndarray, place: np.ndarray,
+    speed: np.ndarray,
+) -> np.ndarray:  # fmt: skip
     """Change of each mean spin, (s, 3, c)."""
-    form = _mass_form(potential)
     shape = np.swapaxes(here, 1, 2) @ (form @ here)
     bent = _moments(form @ here, place)
     bent = bent + np.swapaxes(bent, 1, 2)
     heavier = np.einsum("skkc,si->sic", bent, spin) - np.einsum("sijc,sj->sic", bent, spin)
     momentum = _vee(_moments(form @ here, speed)) - _vee(_moments(form @ fast, place))
-    inertia = np.trace(shape, axis1=1, axis2=2)[:, None, None] * np.eye(3) - shape
-    return _over(potential, inertia, momentum - heavier)
+    return _over(flat, _inertia(shape), momentum - heavier)
 
 
-def _over(potential: Potential, matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+def _inertia(shape: np.ndarray) -> np.ndarray:
+    """tr(S) I - S of each S."""
+    return np.trace(shape, axis1=1, axis2=2)[:, None, None] * np.eye(3) - shape
+
+
+def _over(flat: bool, matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Solve for turns, about the third axis alone in a plane."""
-    if not potential.structure.planar:
+    if not flat:
         return np.linalg.solve(matrix, vectors)
     turns = np.zeros_like(vectors)
     turns[:, 2] = vectors[:, 2] / matrix[:, 2, 2, None]
