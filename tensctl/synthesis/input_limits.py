@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from jaxtyping import Float
@@ -95,9 +96,9 @@ def check_floor(tension_min: float) -> None:
     SynthesisError
         With what was given and what is expected.
     """
-    if not 0 <= tension_min < np.inf:
+    if not (isinstance(tension_min, Real) and 0 <= tension_min < np.inf):
         raise SynthesisError(
-            f"tension_min is {tension_min}; a number of N from 0 up is expected: below 0 a tendon would push."
+            f"tension_min is {tension_min!r}; a number of N from 0 up is expected: below 0 a tendon would push."
         )
 
 
@@ -109,13 +110,15 @@ def plan_of(state: Mapping[str, np.ndarray], horizon: int, inputs: int) -> Float
     SynthesisError
         A memory of another controller.
     """
+    again = "restore what state() of a controller with the same settings gave."
+    if not isinstance(state, Mapping):
+        raise SynthesisError(f"the memory is of type {type(state).__name__}; a table by name is expected: {again}")
     if not state:
         return None
-    plan = state.get("plan")
-    if plan is None or plan.shape != (horizon, inputs):
-        given = ", ".join(sorted(state)) if plan is None else f"a plan of shape {plan.shape}"
-        raise SynthesisError(
-            f"the memory holds {given}; a plan of shape {(horizon, inputs)} is expected, so restore what state() of a "
-            "controller with the same settings gave."
-        )
+    shapes, plan = {"plan": (horizon, inputs), "command": (inputs,)}, state.get("plan")
+    wrong = [name for name, shape in shapes.items() if np.shape(state.get(name, np.zeros(shape))) != shape]
+    if plan is None or wrong:
+        given = f"a {wrong[0]} of shape {np.shape(state[wrong[0]])}" if wrong else ", ".join(sorted(state))
+        name = wrong[0] if wrong else "plan"
+        raise SynthesisError(f"the memory holds {given}; a {name} of shape {shapes[name]} is expected, so {again}")
     return plan

@@ -32,7 +32,7 @@ from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_solvers import SOLVERS, first_choice
 from tensctl.synthesis.reference import Hold, Reference, outputs_along, refuse_beyond, rests
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
-from tensctl.synthesis.seen import known_inputs, seen
+from tensctl.synthesis.seen import known_inputs, refuse_misshapen, seen
 from tensctl.synthesis.signal import Wanted, signal_for
 from tensctl.synthesis.slack_margin import Parting, expected, parting
 from tensctl.synthesis.step_record import StepRecord, told
@@ -111,13 +111,14 @@ class MPC:
             horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, solver=solver, delay=delay, modes=modes
         )
         check_asked(tension_min, delay, asked.dt)
+        _check_kinds(linear, weights, path)
         self.linear = below_sampling_limit(linear.flexible, asked.dt, modes).actuated
         self.horizon, self.dt, self.delay = asked.horizon, asked.dt, float(delay)
         self._fast: Fast = modes
         self.tension_min, self.rate_max = float(tension_min), asked.rate_max
         self.weights = Weights() if weights is None else weights
         chosen = first_choice(self.horizon, len(self.linear.inputs), len(self.linear.A))
-        self.solver, self.why = chosen if solver == "auto" else (solver, "asked for")
+        self.solver, self.why = chosen if asked.solver in ("auto", None) else (solver, "asked for")
         self.reference: Reference = Hold(linear.equilibrium) if path is None else path
         self.signal, self.preview = signal_for(self.weights, self.linear, signal), preview
         self.u_max = asked.u_max
@@ -177,8 +178,14 @@ class MPC:
 
         A measurement that is None, holds NaN or fits no structure tells nothing: the last plan goes on, and before the
         first rest lengths stay. Inputs that were not measured are taken for those of the last command.
+
+        Raises
+        ------
+        SynthesisError
+            A measurement whose arrays have another shape than this structure's.
         """
         began = perf_counter()
+        self._refuse(measurement)
         now = self._commands_now(t, measurement)
         inputs = self._inputs_now(measurement, now)
         look = self._seen(measurement, inputs, now)
@@ -250,6 +257,11 @@ class MPC:
             return commands
         believed = commands if self._followed is None else self._followed
         return known_inputs(None if measurement is None else measurement.inputs, believed)
+
+    def _refuse(self, measurement: Any) -> None:
+        """Refuse what is no measurement of this structure."""
+        if measurement is not None:
+            refuse_misshapen(self.linear.dynamics.structure, len(self.linear.inputs), measurement)
 
     def _seen(self, measurement: Any, inputs: np.ndarray, commands: np.ndarray) -> Any:
         """What a sample tells, with known inputs; None where that is nothing."""
@@ -368,6 +380,17 @@ class MPC:
     def _continued(plan: np.ndarray) -> np.ndarray:
         """What a plan does from its second period on; its end is held."""
         return np.concatenate([plan[1:], plan[-1:]])
+
+
+def _check_kinds(linear: object, weights: object, path: object) -> None:
+    expected = (
+        ("linear", linear, isinstance(linear, LinearModel), "the LinearModel of tc.linearize"),
+        ("weights", weights, weights is None or isinstance(weights, Weights), "a tc.Weights"),
+        ("path", path, path is None or hasattr(path, "equilibria"), "the ShapePath of tc.plan_shape"),
+    )
+    for name, given, fits, what in expected:
+        if not fits:
+            raise SynthesisError(f"{name} is of type {type(given).__name__}; {what} is expected.")
 
 
 def _check_size(linear: LinearModel, horizon: int) -> None:

@@ -169,8 +169,6 @@ class OutputMPC(MPC):
         SynthesisError
             When anything but a reading of these sensors is shown.
         """
-        if measurement is not None:
-            self._refuse_others(measurement)
         command = super().step(t, measurement)
         self._remember()
         return command
@@ -210,11 +208,16 @@ class OutputMPC(MPC):
         """The target's own: it stays for the whole horizon."""
         return limits.tension_margin[0]
 
+    def _refuse(self, measurement: Any) -> None:
+        if measurement is not None:
+            self._refuse_others(measurement)
+
     def _refuse_others(self, measurement: object) -> None:
-        if not isinstance(measurement, Reading) or measurement.values.shape != self.sensors.noise.shape:
+        shapes = (self.sensors.noise.shape, (len(self.linear.inputs),))
+        if not isinstance(measurement, Reading) or (measurement.values.shape, np.shape(measurement.inputs)) != shapes:
             raise SynthesisError(
-                f"this MPC is shown what its {self.sensors.noise.size} sensors read; "
-                "give step(t, mpc.sensors.read(measurement, sample))."
+                f"this MPC is shown what its {self.sensors.noise.size} sensors read, and {len(self.linear.inputs)} "
+                "inputs; give step(t, mpc.sensors.read(measurement, sample))."
             )
 
     def limits(self, t: float, measurement: Any) -> Limits:

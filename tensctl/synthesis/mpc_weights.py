@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 
 import numpy as np
 from jaxtyping import Float
@@ -46,15 +47,24 @@ class Weights:
 
     def __post_init__(self) -> None:
         for name, weight in (("energy", self.energy), ("input", self.input)):
-            if not (np.isfinite(weight) and weight >= 0):
-                raise SynthesisError(f"the weight of {name} is {weight}; a finite number >= 0 is expected.")
+            if not (isinstance(weight, Real) and 0 <= weight < np.inf):
+                raise SynthesisError(f"the weight of {name} is {weight!r}; a finite number >= 0 is expected.")
+        if self.input == 0 and self.rest_lengths is None:
+            raise SynthesisError(
+                "the weight of input is 0, and one direction of rest lengths changes the prestress only; a number > 0 "
+                "is expected, or rest_lengths."
+            )
+        if not isinstance(self.outputs, Mapping):
+            raise SynthesisError(
+                f'outputs is {self.outputs!r}; a table of sizes by output is expected, as {{"nodes:P4_1_1": 1e-3}}.'
+            )
         sizes = {f"the output {name}": size for name, size in self.outputs.items()}
         if self.rest_lengths is not None:
             table = self.rest_lengths if isinstance(self.rest_lengths, Mapping) else {"*": self.rest_lengths}
             sizes |= {f"rest_lengths {pattern}": size for pattern, size in table.items()}
         for name, size in sizes.items():
-            if not (np.isfinite(size) and size > 0):
-                raise SynthesisError(f"{name} has the size {size}; a finite number > 0 is expected.")
+            if not (isinstance(size, Real) and 0 < size < np.inf):
+                raise SynthesisError(f"{name} has the size {size!r}; a finite number > 0 is expected.")
 
     def of_inputs(self, linear: LinearModel) -> Float[np.ndarray, "nu nu"]:
         """R of a linear model, per second.

@@ -35,7 +35,7 @@ from tensctl.synthesis.qp_primal import PrimalSolver
 from tensctl.synthesis.reference import Hold, Reference, refuse_beyond, rests
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
-from tensctl.synthesis.seen import Seen, known_inputs, seen
+from tensctl.synthesis.seen import Seen, known_inputs, refuse_misshapen, seen
 from tensctl.synthesis.step_record import StepRecord, told
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
@@ -150,8 +150,15 @@ class NonlinearMPC:
 
         A measurement that is None, holds NaN or fits no structure tells nothing: the last plan goes on, and before the
         first rest lengths stay.
+
+        Raises
+        ------
+        SynthesisError
+            A measurement whose arrays have another shape than this structure's.
         """
         began, status = perf_counter(), "fallback"
+        if measurement is not None:
+            refuse_misshapen(self.dynamics.structure, self.dynamics.members.gearing.size, measurement)
         now = self._inputs_now(t, measurement)
         look = seen(self.dynamics.structure, measurement, now)
         if self.delay and self._plan is not None:

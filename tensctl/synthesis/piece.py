@@ -43,6 +43,9 @@ class Piece:
         for name, soft in quick_ones(self.first, self.problem.H.shape[0]):
             self.solver(name, soft=soft)  # what takes long is done before the first step
 
+    def __reduce__(self) -> tuple:
+        return Piece, (self.linear, self.problem, self.delay, self.first)  # a copy sets up its own solvers
+
     @cached_property
     def until_it_acts(self) -> Stretch:
         """The model from a sample until the command computed at it begins to act."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from tensctl.errors import SynthesisError
 from tensctl.structure import Structure
 from tensctl.synthesis.feedback import Measured
 
@@ -40,6 +41,29 @@ class Seen:
     commands: Float[np.ndarray, " nu"] | None = None
 
 
+def refuse_misshapen(structure: Structure, inputs: int, measurement: object) -> None:
+    """Refuse a sample whose arrays have another shape than this structure's; tensions and commands need not be there.
+
+    Raises
+    ------
+    SynthesisError
+        With the first array that does not fit, and what is expected.
+    """
+    nodes, tendons = structure.nodes.shape, (len(structure.tendons),)
+    shapes = {"nodes": nodes, "velocities": nodes, "inputs": (inputs,), "tensions": tendons, "commands": (inputs,)}
+    for name, shape in shapes.items():
+        given = getattr(measurement, name, None)
+        if given is None:
+            has, fits = f"no {name}", name in ("tensions", "commands")
+        else:
+            has, fits = f"{name} of shape {np.shape(given)}", np.shape(given) == shape
+        if not fits:
+            raise SynthesisError(
+                f"the measurement has {has}; {shape} is expected, with NaN for what was not measured, or None instead "
+                "of a measurement that never came."
+            )
+
+
 def seen(
     structure: Structure, measurement: Measured | None, inputs: Float[np.ndarray, " nu"],
     commands: Float[np.ndarray, " nu"] | None = None,
@@ -47,13 +71,14 @@ def seen(
     """The sample, with inputs that are known in any case; None where it tells no state of the structure."""
     if measurement is None:
         return None
-    ends, moving = measurement.nodes[structure.rods], measurement.velocities[structure.rods]
+    nodes, velocities = np.asarray(measurement.nodes), np.asarray(measurement.velocities)
+    ends, moving = nodes[structure.rods], velocities[structure.rods]
     stretch = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / structure.rod_lengths - 1.0
     fits = np.abs(stretch).max() <= FITS  # never of numbers that are missing
     if not (fits and np.isfinite(moving).all()):
         return None
     tensions = getattr(measurement, "tensions", None)
-    return Seen(measurement.nodes, measurement.velocities, inputs, tensions, commands)
+    return Seen(nodes, velocities, inputs, None if tensions is None else np.asarray(tensions), commands)
 
 
 def known_inputs(measured: np.ndarray | None, believed: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:

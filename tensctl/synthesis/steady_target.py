@@ -16,6 +16,7 @@ where it would be without sigma, so nothing is left over.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -99,6 +100,9 @@ class SteadyTarget:
         H = self._scale * (self.gain.T @ self.gain + self._rho)
         self.H, self.rows = 0.5 * (H + H.T), np.vstack([rows, np.eye(len(weight))])
         self._solvers: dict[bool, Solver] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_solvers": {}}  # a copy sets up its own
 
     @property
     def from_given(self) -> Float[np.ndarray, "nu m"]:
