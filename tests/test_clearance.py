@@ -130,6 +130,6 @@ class TestRefusals:
     def test_out_of_reach(self, rest):
         wanted = {"height_scale": 2.5, "clearance": 0.127}
         with pytest.raises(
-            tc.SynthesisError, match=r"lower target.clearance. The way leads .*rods r.* at target.clearance"
+            tc.SynthesisError, match=r"r\S+ and r.* at target.clearance; .*lower target.clearance. The way leads"
         ):
             tc.plan_shape(SCENE, wanted, start=rest, tension_min=0.1)

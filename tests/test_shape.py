@@ -147,12 +147,12 @@ class TestRefusals:
 
     def test_out_of_reach(self):
         with pytest.raises(
-            tc.SynthesisError, match=r"tension_min. The way leads 50 % there, where t1_1_1, .* at tension_min\.$"
+            tc.SynthesisError, match=r"t1_1_1, .* at tension_min.*; ask for less, .*tension_min. The way leads \d+ %"
         ):
             tc.plan_shape(SCENE, 3.0, tension_min=0.1)
 
     def test_tension_out_of_reach(self):
-        with pytest.raises(tc.SynthesisError, match="tensions above 1000 N; ask for less, or lower tension_min"):
+        with pytest.raises(tc.SynthesisError, match=r"tensions above 1000 N: .*; ask for less, or lower tension_min"):
             tc.plan_shape(SCENE, tension_min=1000.0)
 
     def test_no_target(self):
@@ -227,7 +227,7 @@ class TestLargestChange:
 
     def test_a_shape_beyond_it_is_told(self):
         scene = SCENE.replaced(mpc={"u_max": 0.03, "rate_max": 0.5})
-        with pytest.raises(tc.SynthesisError, match=r"changed by at most u_max; .* or raise mpc.u_max. The way leads"):
+        with pytest.raises(tc.SynthesisError, match=r"changed by at most u_max: .* or raise mpc.u_max. The way leads"):
             tc.plan_shape(scene)
 
     def test_a_start_beyond_it_is_told(self, free):

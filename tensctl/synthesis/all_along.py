@@ -118,11 +118,9 @@ class _Plan:
 def _sought(
     leg: Leg, problem: ShapeProblem, begins: np.ndarray, share: float, before: Equilibrium, near: Equilibrium | None
 ) -> Equilibrium:
-    """The shape at a share of a leg; where there is none, how far the way leads and what is at its limit there."""
+    """The shape at a share of a leg; where there is none, how far the way leads."""
     try:
         return problem.solve(before if near is None else near, leg.values(begins, share))
     except SynthesisError as error:
         done, where = share - 1 / leg.steps, "" if leg.key == "target" else f"{leg.key}: "
-        raise SynthesisError(
-            f"{where}{error} The way leads {100 * done:.0f} % there, where {problem.at_limit(before)}."
-        ) from None
+        raise SynthesisError(f"{where}{error} The way leads {100 * done:.0f} % there.") from None

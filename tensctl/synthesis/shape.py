@@ -12,13 +12,14 @@ same aim.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tensctl.analysis import static_influence
 from tensctl.errors import EquilibriumError, SynthesisError
 from tensctl.statics import Equilibrium, settle
+from tensctl.synthesis.blocked import block_of, block_said, few
 from tensctl.synthesis.input_limits import input_reach
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_daqp import DaqpSolver
@@ -36,12 +37,19 @@ _CHANGE = 1e-6
 _NO_CHANGE = 1e-3
 # Misfits smaller than this part of the size may grow a little from step to step.
 _NEAR = 1e-6
+# Misfits smaller than this part of the size are none to somebody who is told of a search that did not end.
+_FOUND = 1e-5
 # What a metre of misfit costs, over the sum of all multipliers: more than 1, so that no misfit pays.
 _DEARER = 1.2
 # A step along which the curvature falls below this part of what was learned unlearns all: there least change is none.
 _DAMPED = 0.2
 # Curvatures farther apart than this are forgotten: what was learned far away holds no longer.
 _SPREAD = 1e6
+# A search whose shape is not met ends when so many tries have lowered neither the misfit nor the cost by these parts of
+# themselves. Searches that found their shape after 40 to 174 tries had lowered one of them by more.
+_IDLE = 20
+_LOWER = 1e-2
+_CHEAPER = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,16 +83,21 @@ class ShapeProblem:
         now, limit, curvature = start, self._reach(start), np.eye(start.inputs.size)
         influence, pairs = static_influence(now), near_pairs(now, self.limits.clearance)
         aim, prices = self._next(now, wanted, influence, pairs, curvature)
+        tries = _Tries(now, self._misfit(now, wanted))
         for _ in range(_STEPS):
+            if not tries.lead_on:
+                break
             step = aim - now.inputs
             step *= min(1.0, limit / max(np.abs(step).max(initial=0.0), 1e-300))
             following = _settled(now, now.inputs + step, influence @ step)
             if following is None or self._worse(following, now, wanted, _DEARER * np.abs(prices).sum()):
                 limit = 0.25 * np.abs(step).max()
+                tries.add(now, tries.misfits[-1])
                 continue
             limit = min(2 * limit, self._reach(now))
             before = self._linearised(now, influence, pairs)[1]
             now, influence = following, static_influence(following)
+            tries.add(now, self._misfit(now, wanted))
             met = np.abs(self._error(now, wanted)).max() <= _MET * _size(now)
             if met and np.abs(step).max() <= _CHANGE * max(np.abs(now.inputs).max(), _NO_CHANGE * _size(now)):
                 return now
@@ -92,9 +105,21 @@ class ShapeProblem:
             curvature = _learned(curvature, step, step + prices @ (after - before))
             pairs = near_pairs(now, self.limits.clearance)
             aim, prices = self._next(now, wanted, influence, pairs, curvature)
-        raise SynthesisError(
-            f"no rest lengths were found for {self._said(wanted)} with {self.asked.said(now)}; "
-            f"the last try has {self._said(self._values(now))}; {self.asked.remedy(now)}."
+        raise SynthesisError(self._not_found(wanted, tries.nearest))
+
+    def _not_found(self, wanted: np.ndarray, nearest: Equilibrium) -> str:
+        """What a search that ended without its shape came to."""
+        asked = self.asked
+        if self._misfit(nearest, wanted) <= _FOUND * _size(nearest):
+            (sought,) = self._told_apart(wanted)
+            return (
+                f"rest lengths for {sought} with {asked.said(nearest)} were found, but in {_STEPS} tries not those of "
+                "least change; name more of the shape (twist, tip, tilt, nodes), or ask for less."
+            )
+        had, sought = self._told_apart(self._values(nearest), wanted)
+        return (
+            f"no rest lengths were found for {sought} with {asked.said(nearest)}; the nearest has {had}, where "
+            f"{self.at_limit(nearest)}; {asked.remedy(nearest)}."
         )
 
     def at_limit(self, now: Equilibrium) -> str:
@@ -104,10 +129,11 @@ class ShapeProblem:
         strong = now.tensions >= limits.tension_max * (1 - 1e-6)
         short = now.rest_lengths <= members.floors * (1 + 1e-6)
         kinds = ((low, "tension_min"), (strong, "force_max"), (short, "the least rest length"))
-        said = [f"{_named(now.structure.tendon_labels, found)} at {limit}" for found, limit in kinds if found.any()]
+        labels = np.array(now.structure.tendon_labels)
+        said = [f"{few(labels[found])} at {limit}" for found, limit in kinds if found.any()]
         if self.asked.u_max is not None:
             used = np.abs(now.inputs) >= input_reach(now.structure, members, self.asked.u_max) * (1 - 1e-6)
-            said += [f"{_named(members.gearing.labels, used)} at u_max"] * bool(used.any())
+            said += [f"{few(np.array(members.gearing.labels)[used])} at u_max"] * bool(used.any())
         if limits.clearance.size and (pairs := at_clearance(now, limits.clearance)):
             said.append(pairs)
         return " and ".join(said) or "no tendon is at a limit yet"
@@ -119,14 +145,22 @@ class ShapeProblem:
         """What every feature has too much, m."""
         return levers(self.features) * (self._values(now) - wanted)
 
-    def _said(self, values: np.ndarray) -> str:
-        """Features and values in words: "height 1.2 m"."""
+    def _told_apart(self, *shapes: np.ndarray) -> list[str]:
+        """Features and values of some shapes in words, "height 1.2 m", with as many digits as tell them apart."""
         named = [feature.name.split(", ") for feature in self.features]
-        return ", ".join(f"{name} {value:.4g} {unit}" for (name, unit), value in zip(named, values, strict=True))
+        said = []
+        for digits in range(4, 10):
+            said = [
+                ", ".join(f"{name} {v:.{digits}g} {unit}" for (name, unit), v in zip(named, values, strict=True))
+                for values in np.round(shapes, 9) + 0.0  # rounding shows neither 1e-16 nor minus zero
+            ]
+            if len(set(said)) == len(said):
+                break
+        return said
 
     def _reach(self, start: Equilibrium) -> float:
-        """Largest change of one rest length in one iteration, m: a tenth of the shortest."""
-        return 0.1 * float(start.rest_lengths.min())
+        """Largest change of one rest length in one iteration, m: a tenth of the mean."""
+        return 0.1 * float(start.rest_lengths.mean())
 
     def _worse(self, following: Equilibrium, now: Equilibrium, wanted: np.ndarray, price: float) -> bool:
         """Whether a step is none to take: it raises the misfit, and by more than the change that it saves is worth."""
@@ -155,7 +189,7 @@ class ShapeProblem:
     def _next(
         self, now: Equilibrium, wanted: np.ndarray, reach: np.ndarray, pairs: np.ndarray, curvature: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Inputs of least |u| by the quadratic model, and the prices of its rows."""
+        """Inputs of least |u| by the quadratic model, or else those nearest to now, and the prices of its rows."""
         left, A = self._linearised(now, reach, pairs)
         u, error = now.inputs, self._error(now, wanted)
         passed = A @ u - np.concatenate([error, left])
@@ -165,12 +199,40 @@ class ShapeProblem:
             upper=np.concatenate([self.limits.upper, passed[: error.size], np.full(left.size, np.inf)]),
         )  # fmt: skip
         solution = DaqpSolver(qp).solve(qp)
+        if solution.z is None:  # where curvatures are far apart that is said of problems with a solution, too
+            qp = replace(qp, H=np.eye(u.size), f=-u)
+            solution = DaqpSolver(qp).solve(qp)
         if solution.z is None or solution.y is None:
+            had, sought = self._told_apart(self._values(now), wanted)
+            stand = block_said(now, self.asked, block_of(qp, u), error.size, pairs, reach)
             raise SynthesisError(
-                f"no small rest-length change leads from {self._said(self._values(now))} towards "
-                f"{self._said(wanted)} with {self.asked.said(now)}; {self.asked.remedy(now)}."
+                f"no small rest-length change leads from {had} towards {sought} with {self.asked.said(now)}: {stand}; "
+                f"{self.asked.remedy(now)}."
             )
         return solution.z, solution.y[u.size :]
+
+
+class _Tries:
+    """What the tries of a search came to: misfits, m, costs, m^2, and the equilibrium nearest to what is wanted."""
+
+    def __init__(self, start: Equilibrium, misfit: float) -> None:
+        self.nearest, self.misfits, self.costs = start, [misfit], [start.inputs @ start.inputs]
+        self._least = misfit
+
+    def add(self, now: Equilibrium, misfit: float) -> None:
+        """Where a try leaves the search, whether its step was taken or not."""
+        self.misfits.append(misfit)
+        self.costs.append(now.inputs @ now.inputs)
+        if misfit < self._least:
+            self.nearest, self._least = now, misfit
+
+    @property
+    def lead_on(self) -> bool:
+        """Whether the last of them have changed anything, or what is wanted is met."""
+        if len(self.misfits) <= _IDLE or self.misfits[-1] <= _NEAR * _size(self.nearest):
+            return True
+        lower = self.misfits[-1] < (1 - _LOWER) * self.misfits[-1 - _IDLE]
+        return bool(lower or self.costs[-1] < (1 - _CHEAPER) * self.costs[-1 - _IDLE])
 
 
 def _learned(curvature: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -187,12 +249,6 @@ def _learned(curvature: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.
 def _size(now: Equilibrium) -> float:
     """Largest extent along an axis, m."""
     return float(np.ptp(now.nodes, axis=0).max())
-
-
-def _named(labels: tuple[str, ...], found: np.ndarray) -> str:
-    """The first four of what was found."""
-    names = [label for label, there in zip(labels, found, strict=True) if there]
-    return f"{', '.join(names[:4])}{' ...' * (len(names) > 4)}"
 
 
 def _settled(now: Equilibrium, inputs: np.ndarray, guess: np.ndarray) -> Equilibrium | None:

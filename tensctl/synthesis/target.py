@@ -26,6 +26,8 @@ from tensctl.synthesis.tilt import Tilt, area_vector
 if TYPE_CHECKING:
     from tensctl.scene import Scene
 
+# A coordinate is where it is wanted when it is off by less than this part of the largest.
+_ROUNDING = 1e-9
 _NODE = re.compile(r"P([1-4])_(\d+)_(\d+)")
 
 
@@ -158,13 +160,30 @@ def features_of(wanted: WantedShape, structure: Structure, nodes: np.ndarray) ->
         found.append((sideways, sideways.of(nodes) + by))
     found += [(_tilt(structure, nodes, axis), angle) for axis, angle in enumerate(wanted.tilt or ())]
     for label, place in (wanted.nodes or {}).items():
-        found += [(_coordinate(structure, label, axis), value) for axis, value in enumerate(place)]
+        found += _place(structure, nodes, label, place)
     return found
 
 
-def _coordinate(structure: Structure, label: str, axis: int) -> Linear:
+def _place(
+    structure: Structure, nodes: np.ndarray, label: str, place: tuple[float, float, float]
+) -> list[tuple[Feature, float]]:
+    """Coordinates of a node, save those in which the ground holds it, and which are where they are wanted."""
     if label not in structure.node_labels:
         raise SynthesisError(f"target.nodes names {label}, which is no node of this structure.")
+    node = structure.node_labels.index(label)
+    held = ~structure.free[node]
+    away = held & (np.abs(nodes[node] - place) > _ROUNDING * np.abs(nodes).max())
+    if away.any() or held.all():
+        along = " and ".join(axis for axis, is_held in zip("xyz", held, strict=True) if is_held)
+        where = ", ".join(f"{value:.4g}" for value in nodes[node])
+        raise SynthesisError(
+            f"target.nodes wants {label} at [{', '.join(f'{value:g}' for value in place)}], but the ground holds it "
+            f"along {along} at [{where}]; name a node that can move there, or leave it out."
+        )
+    return [(_coordinate(structure, label, int(axis)), place[axis]) for axis in np.flatnonzero(~held)]
+
+
+def _coordinate(structure: Structure, label: str, axis: int) -> Linear:
     gradient = np.zeros_like(structure.nodes)
     gradient[structure.node_labels.index(label), axis] = 1.0
     return Linear(f"{label} {'xyz'[axis]}, m", gradient)
