@@ -248,6 +248,20 @@ class Faulty:
         return self.controller.step(t, spoilt(measurement, self.rng.random(), self.rng))
 
 
+class Counted:
+    """A path that notes for which times its nodes are asked."""
+
+    def __init__(self, path):
+        self.path, self.times = path, []
+
+    def __getattr__(self, name):
+        return getattr(self.path, name)
+
+    def nodes_at(self, t):
+        self.times.append(t)
+        return self.path.nodes_at(t)
+
+
 class Rough:
     """A reference that jumps about."""
 
@@ -394,6 +408,22 @@ class TestLoop:
         wanted = controller.step(DT, other)
         controller.restore(kept)
         assert (controller.step(DT, other) == wanted).all()
+
+    def test_a_path_is_asked_once_for_each_time(self, mast):
+        """States of the reference that are known from the step before change no command."""
+        scene = shell_scene(pins=["P1_*_1"], target={"height_scale": 1.1, "duration": 2.0}, mpc={})
+        path = tc.plan_shape(scene, start=mast[1])
+        asked = Counted(path)
+        controller = tc.NonlinearMPC(mast[0], asked, horizon=HORIZON, rate_max=RATE)
+        seen = disturbed(mast[1], 0.5)
+        controller.step(0.0, seen)
+        asked.times.clear()
+        kept = controller.state()
+        wanted = controller.step(DT, seen)
+        assert asked.times == pytest.approx([DT * (HORIZON + 1)], abs=1e-9)
+        fresh = tc.NonlinearMPC(mast[0], path, horizon=HORIZON, rate_max=RATE)
+        fresh.restore(kept)
+        assert (fresh.step(DT, seen) == wanted).all()
 
     def test_a_start_with_every_tendon_slack(self, mast):
         """Tendons are taken in at the rate limit, and the record says by how much floors miss."""

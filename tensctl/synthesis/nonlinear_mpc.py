@@ -32,13 +32,16 @@ from tensctl.synthesis.nonlinear_problem import Bounds, Linearised, Measure
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_anew import answer
 from tensctl.synthesis.qp_primal import PrimalSolver
-from tensctl.synthesis.reference import Hold, Reference, refuse_beyond, rests
+from tensctl.synthesis.reference import Hold, Reference, refuse_beyond
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import Seen, known_inputs, refuse_misshapen, seen
 from tensctl.synthesis.step_record import StepRecord, told
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
+
+# Decimals of a second to which times of the reference are told: those of successive steps are then the same.
+_TICK = 9
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,7 @@ class NonlinearMPC:
         refuse_beyond(self.reference, dynamics.input_labels, self.hard.range)
         self._roll = rolling(dynamics, asked.dt)
         self._measures: dict[int, Measure] = {}
+        self._states: dict[tuple[int, float], np.ndarray] = {}
         self._plan: np.ndarray | None = None
         self.records: list[NonlinearRecord] = []
         for knot in range(len(self.reference.equilibria)):
@@ -200,7 +204,7 @@ class NonlinearMPC:
         nodes, velocities, now = self._when_it_acts(measurement)
         measure, plan = self._measure(self.reference.knot_at(t)), self._shifted(t, now) if plan is None else plan
         rollout = self._roll(nodes, velocities, now, plan)
-        return Linearised(measure, self._wanted(t, measure), rollout, plan - self._ahead(t), self._bounds(t, now))
+        return Linearised(measure, self._wanted(t), rollout, plan - self._ahead(t), self._bounds(t, now))
 
     def _when_it_acts(self, measurement: Measured) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Nodes, velocities and inputs when the next command begins to act: the one under way is rolled out."""
@@ -211,13 +215,19 @@ class NonlinearMPC:
         until = replace(self._roll, dt=self.delay)(nodes, velocities, now, coming[None], columns=False)
         return until.nodes[0], until.velocities[0], coming
 
-    def _wanted(self, t: float, measure: Measure) -> Float[np.ndarray, "N nx"]:
-        """States of the reference at the ends of the coming periods."""
-        asked, times = self.reference, self._times(t)
-        still = rests(asked, times[0])
-        moving = times[:1] if still else times
-        states = np.array([measure.linear.state_of(asked.nodes_at(s), asked.velocities_at(s)) for s in moving])
-        return np.tile(states, (self.horizon, 1)) if still else states
+    def _wanted(self, t: float) -> Float[np.ndarray, "N nx"]:
+        """States of the reference at the ends of the coming periods; all but the last were asked a period ago.
+
+        Where rods share nodes a state of a path takes 4 ms: joints are closed at three times.
+        """
+        knot, asked = self.reference.knot_at(t), self.reference
+        times = np.minimum(np.round(self._times(t), _TICK), getattr(asked, "ends", np.inf)).tolist()
+        known, of = self._states, self._measure(knot).linear.state_of
+        self._states = {
+            (knot, s): known[knot, s] if (knot, s) in known else of(asked.nodes_at(s), asked.velocities_at(s))
+            for s in times
+        }
+        return np.array([self._states[knot, s] for s in times])
 
     def _bounds(self, t: float, now: np.ndarray) -> Bounds:
         members, ahead = self.dynamics.members, self._ahead(t)
