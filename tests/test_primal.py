@@ -29,8 +29,8 @@ def steering(controller):
     return controller
 
 
-def searched(form, step, guess=None, work=1e9):
-    return primal.search(form, step, np.zeros(N) if guess is None else guess.copy(), 4 * N, 1e-12, work)
+def searched(form, step, guess=None, work=1e9, tol=1e-12):
+    return primal.search(form, step, np.zeros(N) if guess is None else guess.copy(), 4 * N, tol, work)
 
 
 class TestSearch:
@@ -80,6 +80,16 @@ class TestSearch:
         first = searched(form, step)[1]
         for _ in range(5):
             assert np.abs(searched(form, step, rng.standard_normal(N))[1] - first).max() < 1e-12
+
+    @pytest.mark.parametrize("seed", range(4))
+    def test_a_high_price_costs_no_work(self, seed):
+        """Pushes are sums of multipliers as large as the price: what is left of them is rounding, no drift."""
+        form, step = posed(np.random.default_rng(seed))
+        asked = [step._replace(price=price, floor=step.floor + 4) for price in (2e6, 2e10)]
+        works = np.geomspace(1e5, 1e7, 25)
+        ends = [[searched(form, one, work=work, tol=1e-11)[0] == primal.SOLVED for work in works] for one in asked]
+        usual, high = (np.flatnonzero(solved)[0] for solved in ends)
+        assert high <= usual
 
     def test_limits_that_contradict_each_other(self, rng):
         form, step = posed(rng)

@@ -27,7 +27,8 @@ FEW = 150
 FIXED = 1e9
 # A component below this part of the largest does not move.
 NO_MOVE = 1e-10
-# Push on what is free at a minimum, over the largest slope, from which on the inverse is made anew.
+# Push on what is free at a minimum, over the largest term that it is the sum of: from here on the inverse is made anew.
+# Over slopes alone rounding would do: where floors give way, their price is a thousand steepest slopes and more.
 DRIFT = 1e-8
 # Steps of no length in a row, beyond the entries of the basis, after which it goes in circles.
 CIRCLES = 50
@@ -137,7 +138,7 @@ def search(
             continue
         _let_rows_go(point)
         _pushes(form, point, basis, m, sol, push)
-        if since > 1 and _left_over(basis, m, push) > DRIFT * scale:
+        if since > 1 and _left_over(basis, m, push) > DRIFT * _largest_term(basis, m, sol, size, scale):
             _evaluate(form, step, point)
             m, since = _again(form, point, basis, m), 0
             done += 4.0 / 3.0 * m**3 + 1.0 * n * (n + r)
@@ -432,4 +433,14 @@ def _left_over(basis: Basis, m: int, push: np.ndarray) -> float:
     for k in range(m):
         if basis.entries[k] < push.size:
             largest = max(largest, float(abs(push[basis.entries[k]])))
+    return largest
+
+
+@jit
+def _largest_term(basis: Basis, m: int, sol: np.ndarray, size: int, scale: float) -> float:
+    """The largest of what pushes are sums of: slopes, and multipliers of the rows that act."""
+    largest = scale
+    for k in range(m):
+        if basis.entries[k] >= size:
+            largest = max(largest, float(abs(sol[k])))
     return largest

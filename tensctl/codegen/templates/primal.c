@@ -13,7 +13,7 @@ static const int few_free = << search.few_free >>;
 static const double fixed = << number(search.fixed) >>;
 /* Of the largest component: what is less does not move. */
 static const double no_move = << number(search.no_move) >>;
-/* Push on what is free, over the largest slope: the inverse is made anew. */
+/* Push on what is free, over the largest term that it is the sum of: the inverse is made anew. */
 static const double drift = << number(search.drift) >>;
 /* Steps of no length in a row, beyond twice the basis, after which it goes in circles. */
 static const int circles = << search.circles >>;
@@ -280,6 +280,15 @@ static double left_over(void)
     return largest;
 }
 
+/* The largest of what pushes are sums of: slopes, and multipliers of the rows that act. */
+static double largest_term(double slope)
+{
+    for (int k = 0; k < self.count; k++) {
+        slope = is_row(self.basis[k]) ? larger(slope, fabs(self.way[k])) : slope;
+    }
+    return slope;
+}
+
 /* What would lower the cost most when it is let go, -1 for nothing: a rate or a slack, or a row and its place. */
 static int most_promising(double tol, int *place)
 {
@@ -371,7 +380,7 @@ static void improve(double range)
         }
         watch_rows();
         see_pushes();
-        if (since > 1 && left_over() > drift * scale) {
+        if (since > 1 && left_over() > drift * largest_term(scale)) {
             see_slope();
             make_anew();
             since = 0;
