@@ -185,10 +185,11 @@ class TestPredictive:
 
 @pytest.fixture
 def short(mast, tmp_path, monkeypatch):
-    """A tenth of the usual work for searches: 201 steps of the mast thrown about."""
+    """A tenth of the usual work for searches: 201 steps of the mast thrown about. C begins at the last plan only."""
     from tensctl.synthesis import qp_primal
 
     monkeypatch.setattr(qp_primal, "_WORK", 2e6)
+    monkeypatch.setattr(qp_primal, "FAR", np.inf)
     dynamics, rest, linear = mast
     tc.export_c(predictive(linear), tmp_path)
     both = Both(predictive(linear), Compiled(tmp_path / "controller.c", 21))

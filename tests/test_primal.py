@@ -4,15 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rates_support import STAGES, N, posed, stated
-from support import random_motion
+from rates_support import INPUTS, STAGES, N, posed, stated
+from support import random_motion, shell_scene, solved
 
 import tensctl as tc
 from tensctl.simulation import Measurement
-from tensctl.synthesis import bordered, primal
+from tensctl.synthesis import bordered, primal, qp_primal
+from tensctl.synthesis.constant_rates import ConstantRates
 from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.qp_daqp import DaqpSolver
-from tensctl.synthesis.qp_primal import PrimalSolver
+from tensctl.synthesis.qp_primal import FAR, PrimalSolver
 from tensctl.synthesis.relaxed import relax
 
 HORIZON = 10
@@ -139,6 +140,64 @@ class TestInverse:
         basis = bordered.Basis(np.empty(1, np.int64), np.empty((1, 1)), np.empty(1), np.empty(1))
         assert bordered.enter(form, basis, 0, 3)
         assert not bordered.enter(form, basis, 1, 4)
+
+
+class TestConstantRates:
+    @pytest.mark.parametrize("parts", [1, STAGES])
+    @pytest.mark.parametrize("seed", range(5))
+    def test_best_of_all_plans_of_constant_rates(self, seed, parts):
+        """The problem of all stages in the changes of each part, by DAQP; with a part a stage it is the whole."""
+        import daqp
+
+        rng = np.random.default_rng(seed)
+        form, step = posed(rng)
+        now, floor = rng.uniform(-0.5, 0.5, INPUTS), step.floor + 2
+        first = np.append(now, np.zeros(N - INPUTS))
+        step = step._replace(lower=step.lower + first, upper=step.upper + first, floor=floor)
+        plan = ConstantRates(form, parts).plan(step, now, np.tile(now, STAGES), 1e9)
+        H, f, A, lower, upper = stated(form, step)
+        long = STAGES // parts
+        spread = np.kron(np.eye(parts), np.ones((long, 1)))
+        free = np.zeros((N + STAGES, parts * (INPUTS + 1)))
+        free[:N, : parts * INPUTS] = np.kron(spread / long, np.eye(INPUTS))
+        free[N:, parts * INPUTS :] = spread
+        began = np.append(first, np.zeros(STAGES))
+        bounded = np.vstack([np.eye(N + STAGES), A])
+        y, _, flag, _ = daqp.solve(
+            free.T @ H @ free, free.T @ (f + H @ began), bounded @ free,
+            upper - bounded @ began, lower - bounded @ began, np.zeros(lower.size, np.int32), primal_tol=1e-12,
+        )  # fmt: skip
+        assert flag > 0
+        assert y[parts * INPUTS :].max() > 0.1
+        best = (began + free @ y)[:N].reshape(STAGES, INPUTS).cumsum(axis=0)
+        assert np.abs(plan - best.ravel()).max() < 1e-8
+
+    @pytest.mark.parametrize("parts", [2, 3])
+    def test_parts_of_unequal_length(self, rng, parts):
+        """Rates change where parts do, and nowhere else; limits hold."""
+        form, step = posed(rng)
+        plan = ConstantRates(form, parts).plan(step, np.zeros(INPUTS), np.zeros(N), 1e9)
+        rates = np.diff(plan.reshape(STAGES, INPUTS), axis=0, prepend=0.0)
+        turns = np.abs(np.diff(rates, axis=0)).max(axis=1) > 1e-9
+        assert turns.sum() == parts - 1
+        assert (rates.ravel() >= step.lower - 1e-12).all()
+        assert (rates.ravel() <= step.upper + 1e-12).all()
+        assert (plan >= step.low - 1e-12).all()
+        assert (plan <= step.high + 1e-12).all()
+
+    def test_floors_far_above_rest_are_reached(self):
+        """20 N at a shell that rests with 4 N, all work bounded: the last plan alone leaves it there for a second."""
+        dynamics, rest, linear = solved(shell_scene())
+        smallest = []
+        for far in (np.inf, FAR):
+            controller = tc.MPC(linear, tension_min=20.0)
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(qp_primal, "FAR", far)
+                run = tc.simulate(dynamics, rest, controller=controller, t_end=0.6)
+            assert {record.status for record in controller.records} <= {"primal bounded", "primal relaxed"}
+            smallest.append(run.tensions.min(axis=1)[-1])
+        assert smallest[0] < 10
+        assert smallest[1] > 18
 
 
 class TestController:
