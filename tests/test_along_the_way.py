@@ -1,5 +1,8 @@
 """Limits hold between planned shapes as at them: tensions and inputs with inertia, rods, rates, on dense samples."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 from support import shell_scene
@@ -8,7 +11,10 @@ import tensctl as tc
 from tensctl.elements import rod_gaps
 from tensctl.statics import settle
 from tensctl.synthesis import all_along
+from tensctl.synthesis.legs import legs_of
+from tensctl.synthesis.pace import _as_it_is
 from tensctl.synthesis.shape_limits import Asked
+from tensctl.synthesis.target import wanted_target
 
 PINS = ["P1_*_1"]
 MAST, TALL = shell_scene(pins=PINS), shell_scene(3, 2, pins=PINS)
@@ -99,10 +105,49 @@ def test_what_inertia_takes_is_refused_with_the_time_that_would_do():
     assert path.tensions_at(np.linspace(0, path.ends, 2001))[:, kept].min() >= 0.1
 
 
+def test_a_start_far_below_its_floor_is_told_to_tighten_first():
+    """The waypoint that the sentence asks for leads to the floor; what was wanted then takes the time that it had."""
+    asked, wanted = {"tension_min": 20.0, "rate_max": 0.5}, {"height_scale": 1.05, "duration": 3.0}
+    sentence = r"or tighten first, since the start has 3\.\d+ N in t\S+, below tension_min = 20 N: put a waypoint with"
+    with pytest.raises(tc.SynthesisError, match=sentence) as caught:
+        tc.plan_shape(MAST, wanted, **asked)
+    key, value, duration = re.search(
+        r"with (\w+) = (\S+|\[.*\]) and duration = (\S+) before", str(caught.value)
+    ).groups()
+    first = {key: json.loads(value), "duration": float(duration)}
+    path = tc.plan_shape(MAST, {"waypoint": [first, wanted]}, **asked)
+    kept = ~path.target.structure.grounded_tendons
+    tight = path.legs[1].start
+    assert path.tensions_at(np.linspace(tight, path.ends, 2001))[:, kept].min() > 20.0 * (1 - 1e-6)
+    lowest = path.tensions_at(np.linspace(0.0, tight, 2001))[:, kept].min(axis=1)
+    assert lowest[0] < 4.0
+    assert np.diff(lowest).min() > -1e-3, "tightening falls back"
+    assert path.fastest <= 0.5
+
+
 @pytest.mark.parametrize("floor", [-1.0, float("nan"), float("inf")])
 def test_a_floor_below_which_tendons_push_is_refused(floor):
     with pytest.raises(tc.SynthesisError, match=rf"tension_min is {floor}; a number of N from 0 up is expected"):
         tc.plan_shape(MAST, 1.1, tension_min=floor)
+
+
+@pytest.mark.parametrize(
+    ("scene", "target", "said"),
+    [
+        (MAST, {"twist": 0.1}, "twist = 0.0"),
+        (MAST, {"tip": [0.1, 0.0]}, "tip = [0.0, 0.0]"),
+        (MAST, {"tilt": [0.1, 0.0]}, "tilt = [0.0, 0.0]"),
+        (MAST, {"nodes": {"P4_1_1": [0.0, 0.0, 1.0]}}, "nodes.P4_1_1 = ["),
+    ],
+)
+def test_what_a_waypoint_says_to_stay(scene, target, said):
+    rest = tc.find_equilibrium(scene)
+    (leg,) = legs_of(wanted_target(scene, target), rest.structure, rest.nodes)
+    told = _as_it_is(leg.features[0], rest.nodes)
+    assert told.startswith(said)
+    if "nodes" in told:
+        place = json.loads(told.split("= ")[1])
+        assert place == pytest.approx(rest.nodes[rest.structure.node_labels.index("P4_1_1")], rel=1e-5)
 
 
 def test_inputs_that_inertia_takes_beyond_their_range_are_refused():

@@ -41,10 +41,10 @@ def plan_all_along(legs: tuple[Leg, ...], start: Equilibrium, asked: Asked, rate
         A shape out of reach, a leg too short for the rate limit, m/s, or a way that lacks more than the shapes beside
         it can keep.
     """
-    whole = asked.limits(start)
-    plan = _Plan((start,), (whole,) * (1 + sum(leg.steps for leg in legs)))
+    whole = _limits_of(legs, start, asked.limits(start))
+    plan = _Plan((start,), whole)
     plan = plan.followed_by(legs, asked, plan.limits)
-    _in_time(plan.path(legs), rate_max)
+    _in_time(plan.path(legs), rate_max, asked)
     cannot = "and the planned shapes beside cannot keep as much more"
     plan, lack = _mended(plan, legs, asked, whole, moving=False)
     if lack:
@@ -54,11 +54,22 @@ def plan_all_along(legs: tuple[Leg, ...], start: Equilibrium, asked: Asked, rate
     if lack:
         in_words = f"{lack.said()} as it moves, {cannot}; allow more time."
         raise SynthesisError(too_quick(slow, asked.tension_min) or in_words)
-    return _in_time(lack.path, rate_max)
+    return _in_time(lack.path, rate_max, asked)
+
+
+def _limits_of(legs: tuple[Leg, ...], start: Equilibrium, whole: ShapeLimits) -> tuple[ShapeLimits, ...]:
+    """Limits of every shape; floors that the start does not keep grow along a first leg that changes nothing else."""
+    first, missing = legs[0], np.maximum(whole.tension_min - start.tensions, 0.0)
+    limits = [whole] * (1 + sum(leg.steps for leg in legs))
+    if np.abs(first.levers * (first.ends - first.begins(start.nodes))).max() < _SAME and first.round_about is None:
+        for k in range(1, first.steps):
+            floors = whole.tension_min - (1 - k / first.steps) * missing
+            limits[k] = ShapeLimits(floors, *whole.parts[1:])
+    return tuple(limits)
 
 
 def _mended(
-    plan: _Plan, legs: tuple[Leg, ...], asked: Asked, whole: ShapeLimits, *, moving: bool
+    plan: _Plan, legs: tuple[Leg, ...], asked: Asked, whole: tuple[ShapeLimits, ...], *, moving: bool
 ) -> tuple[_Plan, Lack]:
     """The plan that lacks nothing between its shapes, or the least of those tried, and what that is."""
     lack = lacking(plan.path(legs), whole, moving=moving)
@@ -75,10 +86,10 @@ def _mended(
     return best
 
 
-def _in_time(path: ShapePath, rate_max: float | None) -> ShapePath:
+def _in_time(path: ShapePath, rate_max: float | None, asked: Asked) -> ShapePath:
     """The path, where its rest lengths keep the rate limit."""
     if rate_max is not None:
-        refuse_faster(path, rate_max)
+        refuse_faster(path, rate_max, asked.tension_min)
     return path
 
 

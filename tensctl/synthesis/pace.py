@@ -8,17 +8,21 @@ from __future__ import annotations
 import numpy as np
 
 from tensctl.errors import SynthesisError
+from tensctl.synthesis.legs import Leg
 from tensctl.synthesis.path import ShapePath
+from tensctl.synthesis.target import Feature, Linear
 
 # Moments of a leg that are looked at, and the largest factor on its duration that is worth telling.
 _MOMENTS = 201
 _LONGEST = 1e3
+# Times that are told are a little longer, lest three digits are too few.
+_ABOVE = 1.005
 # Room below this part of the largest tension is none.
 _NONE = 1e-6
 
 
-def refuse_faster(path: ShapePath, rate_max: float) -> None:
-    """Refuse a path on which a rest length is faster than a limit, m/s.
+def refuse_faster(path: ShapePath, rate_max: float, tension_min: float = 0.0) -> None:
+    """Refuse a path on which a rest length is faster than a limit, m/s; a floor, N, may be why.
 
     Raises
     ------
@@ -28,10 +32,41 @@ def refuse_faster(path: ShapePath, rate_max: float) -> None:
     for leg in path.legs:
         fastest = path.fastest_of(leg)
         if fastest > rate_max:
+            needed = f"{_ABOVE * leg.duration * fastest / rate_max:.3g}"
             raise SynthesisError(
                 f"{leg.key}.duration = {leg.duration:g} s makes a rest length change at {fastest:.3g} m/s, above "
-                f"rate_max = {rate_max:g} m/s; allow {leg.duration * fastest / rate_max:.3g} s or more."
+                f"rate_max = {rate_max:g} m/s; allow {needed} s or more"
+                f"{_tighten_first(path, leg, tension_min, needed)}."
             )
+
+
+def _tighten_first(path: ShapePath, leg: Leg, tension_min: float, needed: str) -> str:
+    """What to try besides where a leg is fast because it begins with less tension than its floor, in words."""
+    start = path.equilibria[0]
+    below = np.where(start.structure.grounded_tendons, np.inf, start.tensions)
+    if leg is not path.legs[0] or below.min(initial=np.inf) >= tension_min:
+        return ""
+    label = start.structure.tendon_labels[int(below.argmin())]
+    return (
+        f"; or tighten first, since the start has {below.min():.3g} N in {label}, below tension_min = {tension_min:g} "
+        f"N: put a waypoint with {_as_it_is(leg.features[0], start.nodes)} and duration = {needed} before the others"
+    )
+
+
+def _as_it_is(feature: Feature, nodes: np.ndarray) -> str:
+    """What a waypoint would say to keep a feature at its value at rest."""
+    kind, *_ = feature.name.split(", ")[0].split(" ")
+    known = {
+        "height": "height_scale = 1.0",
+        "twist": "twist = 0.0",
+        "tip": "tip = [0.0, 0.0]",
+        "tilt": "tilt = [0.0, 0.0]",
+    }
+    if kind in known:
+        return known[kind]
+    assert isinstance(feature, Linear)
+    node = int(np.abs(feature.gradient).sum(axis=1).argmax())
+    return f"nodes.{kind} = [{', '.join(f'{value:.6g}' for value in nodes[node])}]"
 
 
 def too_quick(path: ShapePath, tension_min: float) -> str | None:

@@ -45,8 +45,8 @@ class Lack:
 
     Attributes
     ----------
-    limits : ShapeLimits
-        What was asked.
+    limits : tuple of ShapeLimits
+        What was asked of each way.
     shapes : tuple of ShapeLimits
         What the path lacks as it moves through each planned shape: what inertia passes a limit by.
     ways : tuple of ShapeLimits
@@ -58,7 +58,7 @@ class Lack:
         Whether inertia counts.
     """
 
-    limits: ShapeLimits
+    limits: tuple[ShapeLimits, ...]
     shapes: tuple[ShapeLimits, ...]
     ways: tuple[ShapeLimits, ...]
     sizes: tuple[float, ...]
@@ -111,11 +111,11 @@ class Lack:
         kind = int(np.argmax([lack.max(initial=-np.inf) for lack in relative]))
         at = int(relative[kind].argmax())
         start, end = self.path.time[k : k + 2]
-        return f"between {start:.2f} and {end:.2f} s {self._named(kind, at, self.ways[k].parts[kind][at])}"
+        return f"between {start:.2f} and {end:.2f} s {self._named(k, kind, at)}"
 
-    def _named(self, kind: int, at: int, lack: float) -> str:
+    def _named(self, k: int, kind: int, at: int) -> str:
         structure, members = self.path.target.structure, self.path.target.potential.members
-        limit = self.limits.parts[kind][at]
+        lack, limit = self.ways[k].parts[kind][at], self.limits[k].parts[kind][at]
         reached = limit + lack if kind in (1, 3) else limit - lack
         if kind < 2:
             said = ("falls", "below tension_min") if kind == 0 else ("rises", "above its force_max")
@@ -137,25 +137,28 @@ class Lack:
 
 
 @one_blas_thread()
-def lacking(path: ShapePath, limits: ShapeLimits, *, moving: bool) -> Lack:
-    """What every way of a path lacks of some limits; a floor that the start has not counts from the next shape on.
+def lacking(path: ShapePath, limits: tuple[ShapeLimits, ...], *, moving: bool) -> Lack:
+    """What every way of a path lacks of its shapes' limits; a floor that the start has not counts from the next on.
 
     Parameters
     ----------
     path : ShapePath
-    limits : ShapeLimits
+    limits : tuple of ShapeLimits
+        Of every shape; a way between two has the lower of their floors.
     moving : bool
         Whether the path is as fast as planned, or counts as infinitely slow, without inertia.
     """
     first = path.equilibria[0]
     strongest, longest = max(path.tensions.max(initial=0.0), 1e-300), float(first.structure.rod_lengths.mean())
     sizes = (strongest, strongest, longest, longest, longest)
-    begins = ShapeLimits(np.where(first.tensions < limits.tension_min, -np.inf, limits.tension_min), *limits.parts[1:])
-    held = [limits if k else begins for k in range(len(path.equilibria) - 1)]
+    begins = np.where(first.tensions < limits[1].tension_min, -np.inf, limits[0].tension_min)
+    floors = [begins, *(np.minimum(a.tension_min, b.tension_min) for a, b in pairwise(limits[1:]))]
+    held = tuple(ShapeLimits(floor, *of.parts[1:]) for floor, of in zip(floors, limits[1:], strict=True))
     ways = tuple(_on_the_way(path, k, asked, sizes, moving=moving) for k, asked in enumerate(held))
-    met = limits.clearance[None]  # planned shapes have their rods apart
-    shapes = zip(*_loads(path, path.time, moving=moving), strict=True)
-    return Lack(limits, tuple(_passed(limits, T[None], u[None], met) for T, u in shapes), ways, sizes, path, moving)
+    met = limits[0].clearance[None]  # planned shapes have their rods apart
+    shapes = zip(limits, *_loads(path, path.time, moving=moving), strict=True)
+    passed = tuple(_passed(asked, T[None], u[None], met) for asked, T, u in shapes)
+    return Lack(held, passed, ways, sizes, path, moving)
 
 
 def _loads(path: ShapePath, times: np.ndarray, *, moving: bool) -> tuple[np.ndarray, np.ndarray]:
