@@ -498,6 +498,28 @@ class TestTimes:
         assert (run.time == times).all()
         assert run.nodes.shape == (5, 12, 3)
 
+    @pytest.mark.parametrize("past", [0.0, 1e-15, -1e-15])
+    def test_an_end_that_misses_a_sample_by_rounding(self, mast, past):
+        """It is recorded once, and as what comes of the step before."""
+        rest = mast[1]
+        runs = [
+            tc.simulate(mast[0], rest, controller=Command(lambda t: rest.inputs + 0.01), t_end=t_end)
+            for t_end in (0.4, 0.4 * (1 + past))
+        ]
+        assert runs[1].time.size == 5
+        assert runs[1].time[-1] == 0.4 * (1 + past)
+        assert [np.abs(runs[0].nodes - runs[1].nodes).max(), np.abs(runs[0].inputs - runs[1].inputs).max()] == (
+            pytest.approx([0.0, 0.0], abs=1e-14)
+        )
+
+    def test_two_last_times_that_are_one_to_rounding(self, mast):
+        rest = mast[1]
+        times = [0.0, 0.1, 0.4, 0.4 * (1 + 4e-16)]
+        run = tc.simulate(mast[0], rest, controller=Command(lambda t: rest.inputs + 0.01), timepts=times)
+        assert (run.time == times).all()
+        assert np.abs(run.nodes[-1] - run.nodes[-2]).max() < 1e-14
+        assert np.abs(run.rest_lengths[-1] - run.rest_lengths[-2]).max() < 1e-14
+
     def test_recording_does_not_change_the_motion(self, thrown):
         """Other recorded times cut the steps elsewhere; the motion stays the same within the tolerance."""
         dynamics, run = thrown

@@ -117,7 +117,9 @@ def _edges(times: np.ndarray, others: np.ndarray, period: float | None) -> np.nd
     before = (after - 1).clip(min=0)
     nearest = np.where(edges - times[before] <= times[after] - edges, times[before], times[after])
     edges = np.unique(np.where(np.abs(nearest - edges) <= 1e-12 * max(end, 1e-300), nearest, edges))
-    return edges[np.concatenate([[True], np.diff(edges) > 1e-12 * max(end, 1e-300)])]
+    edges = edges[np.concatenate([[True], np.diff(edges) > 1e-12 * max(end, 1e-300)])]
+    edges[-1] = end  # not an edge just before it: what is recorded at the end would never be reached
+    return edges
 
 
 def _late(end: float, period: float | None, delay: float) -> np.ndarray:

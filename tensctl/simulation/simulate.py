@@ -141,8 +141,12 @@ def _times(t_end, timepts, controller, dt) -> np.ndarray:
     if t_end is None or not (np.isfinite(t_end) and t_end > 0):
         raise SimulationError(f"t_end = {t_end}: give the end of the run in s, > 0, or timepts.")
     step = t_end / 500 if controller is None else period_of(controller, dt)
-    count = int(np.floor(t_end / step * (1 + 1e-12)))
-    return np.unique(np.append(step * np.arange(count + 1), t_end)) if controller else np.linspace(0, t_end, 501)
+    if controller is None:
+        return np.linspace(0, t_end, 501)
+    times = step * np.arange(int(np.floor(t_end / step * (1 + 1e-12))) + 1)
+    # A sample at the end is the end, rounding aside.
+    before = times if t_end - times[-1] > 1e-12 * t_end else times[:-1]
+    return np.append(before, t_end)
 
 
 def period_of(controller: Controller | None, dt: float | None) -> float:
