@@ -86,6 +86,11 @@ class Watched:
         """Those of the controller."""
         return self.mpc.records
 
+    @property
+    def dynamics(self) -> tc.Dynamics:
+        """What it was made for."""
+        return self.mpc.linear.dynamics
+
     def reset(self) -> None:
         """Begin anew."""
         self.mpc.reset()
@@ -130,7 +135,7 @@ class Watched:
 
 def broken(watched: Watched, run: tc.Run) -> dict[str, int]:
     """How often each hard limit was broken."""
-    members, commands = watched.mpc.linear.dynamics.members, np.array(watched.commands)
+    members, commands = watched.dynamics.members, np.array(watched.commands)
     lower, upper = members.input_bounds
     asked = np.abs(commands - np.array(watched.before)) / DT
     rates = np.abs(np.diff(run.rest_lengths, axis=0)) / np.diff(run.time)[:, None]

@@ -2,6 +2,7 @@
 
     python benchmarks/nonlinear_mpc.py          # prints the table
     python benchmarks/nonlinear_mpc.py --docs   # also renews it in docs/nonlinear_mpc.md
+    python benchmarks/nonlinear_mpc.py --sizes  # steps of larger shells instead, N = 5, with --docs too
 
 The target is asked for at once, as a step of the reference. (3,1) and (3,2) masts on pinned bases and one of Class 2,
 whose rods share nodes, k = 100 N/m, horizon 10, dt = 0.02 s, floors of 0.1 N, at most 0.5 m/s; 2 s of the full
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from functools import partial
 
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
@@ -23,6 +25,8 @@ import numpy as np
 import page
 
 import tensctl as tc
+from tensctl.synthesis.qp_anew import answer
+from tensctl.threads import one_blas_thread
 
 _FLOOR = 0.1
 _SETTINGS = {"horizon": 10, "dt": 0.02, "tension_min": _FLOOR, "rate_max": 0.5}
@@ -84,17 +88,53 @@ def mast(structure: tc.Structure, target=None) -> tuple[tc.Dynamics, tc.Equilibr
     return tc.build_dynamics(scene), rest, rest if asked is None else tc.plan_shape(scene, start=rest).target
 
 
-def shaken(rest: tc.Equilibrium, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes far from rest, at rest."""
+def shaken(rest: tc.Equilibrium, seed: int, reach: float = _REACH) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes away from rest, at rest."""
     manifold = rest.potential.manifold
-    nodes = manifold.retract(rest.nodes, _REACH * np.random.default_rng(seed).standard_normal(manifold.size))
+    nodes = manifold.retract(rest.nodes, reach * np.random.default_rng(seed).standard_normal(manifold.size))
     return nodes, 0 * nodes
+
+
+@one_blas_thread()
+def sizes() -> str:
+    """Median times of a step's parts on pinned shells near rest, N = 5, and of the linear controller's, ms."""
+    rows = []
+    for n, m in ((3, 1), (3, 2), (4, 2), (6, 3), (8, 4)):
+        dynamics, rest, _ = mast(tc.shell(n, m, pins=["P1_*_1"]))
+        ours, known = (make(**_SETTINGS | {"horizon": 5}) for make in (
+            partial(tc.NonlinearMPC, dynamics, rest), partial(tc.MPC, tc.linearize(dynamics, rest, outputs=()))
+        ))  # fmt: skip
+        times = []
+        for seed in range(5):
+            nodes, velocities = shaken(rest, seed, 0.003)
+            seen = tc.Measurement(nodes, velocities, rest.lengths, rest.tensions, rest.inputs)
+            clock = [time.thread_time()]
+            step = ours.linearised(0.0, seen)
+            clock.append(time.thread_time())
+            qp = step.qp()
+            clock.append(time.thread_time())
+            found = answer(qp, 5)
+            clock.append(time.thread_time())
+            known.step(0.0, seen)
+            times.append(np.diff([*clock, time.thread_time()]))
+            assert found is not None
+            assert found[2] < 1e-9
+        parts = 1e3 * np.median(times, axis=0)
+        rows.append([f"({n},{m})", qp.f.size // 5, *(f"{part:.3g}" for part in (parts[:3].sum(), *parts))])
+        print(*rows[-1], sep="  ", flush=True)
+    return page.table(["shell", "inputs", "step, ms", "roll-out", "QP stated", "QP solved", "linear MPC"], rows)
 
 
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--docs", action="store_true", help="renew the table of docs/nonlinear_mpc.md")
+    arguments.add_argument("--sizes", action="store_true", help="steps of larger shells instead of motions")
     asked, rows = arguments.parse_args(), []
+    if asked.sizes:
+        table = sizes()
+        if asked.docs:
+            page.write("nonlinear_mpc.md", {"sizes": table})
+        return
 
     def put(motion: str, name: str, numbers: list[float]) -> None:
         rows.append([motion, name, *(f"{n:.3g}" for n in numbers[:2]), f"{numbers[2]:.0f} %",

@@ -172,11 +172,12 @@ class NonlinearMPC:
         plan, ahead, kkt, relaxed, change = self._shifted(t, now), self._ahead(t), np.nan, 0.0, 0.0
         for _ in range(self.iterations):
             step = self.linearised(t, look, plan)
-            if not step.rollout.finite or (found := answer(qp := step.qp(), self.horizon)) is None:
+            if not step.rollout.finite or (found := answer(step.qp(), self.horizon)) is None:
                 break
             z, status, kkt = found
-            relaxed = self._shortfall(qp, z)
-            better = self._kept(z.reshape(plan.shape) + ahead, now)
+            asked = z.reshape(plan.shape)
+            relaxed = float((step.beyond(asked) * self._scale).max(initial=0.0))
+            better = self._kept(asked + ahead, now)
             plan, change = better, float(np.abs(better - plan).max())
         status, relaxed = told(status, relaxed)
         self._plan = plan
@@ -236,12 +237,6 @@ class NonlinearMPC:
         tendons, side = self._limited
         limit = np.where(side > 0, self.tension_min, members.force_max[tendons]) / self._scale
         return Bounds(lower - ahead, upper - ahead, -reach - moving, reach - moving, tendons, side, limit)
-
-    def _shortfall(self, qp: QP, z: np.ndarray) -> float:
-        """Largest tension by which the linearised plan passes a limit, N."""
-        n, count = z.size, qp.A.shape[0] - z.size
-        beyond = (qp.lower[n : n + count] - qp.A[:count] @ z).reshape(self.horizon, -1) * self._scale
-        return float(beyond.max(initial=0.0))
 
     @cached_property
     def _scale(self) -> Float[np.ndarray, " nT"]:

@@ -116,11 +116,11 @@ class Linearised:
             total += there @ (self.measure.P if k == last else self.measure.Q) @ there + v @ self.measure.R @ v
         return 0.5 * float(total)
 
-    def shortfalls(self, inputs: Float[np.ndarray, "N nu"]) -> Float[np.ndarray, " N"]:
-        """By how much the worst limit of tension in each stage is passed, over the stiffness, m; 0 where none is."""
+    def beyond(self, inputs: Float[np.ndarray, "N nu"]) -> Float[np.ndarray, "N nT"]:
+        """By how much each limit of tension is passed, over the stiffness, m; 0 where it is kept."""
         bounds, away = self.bounds, (inputs - self.plan).ravel()
         stretch = (self.rollout.stretches + self.rollout.stretch_by_inputs @ away)[:, bounds.tendons]
-        return (bounds.side * (bounds.limit - stretch)).max(axis=1, initial=0.0)
+        return np.maximum(bounds.side * (bounds.limit - stretch), 0.0)
 
     def qp(self) -> QP:
         """The QP in v, condensed; a search for its answer begins at the plan."""
