@@ -9,7 +9,7 @@ import tensctl as tc
 from tensctl.simulation import Measurement
 from tensctl.synthesis import Weights
 from tensctl.synthesis.piece import Piece
-from tensctl.synthesis.qp import Solution
+from tensctl.synthesis.qp import Solution, judged
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_daqp import DaqpSolver
 from tensctl.synthesis.qp_dual import DualSolver
@@ -119,16 +119,48 @@ class TestOptimum:
     def test_order_of_solvers(self):
         """Each is asked for the hard problem before any floor gives way, and each that was not, later."""
         for first in SOLVERS:
-            order = order_of(first, 480)
+            order = order_of(first, 480, 1.0)
             assert order[0] == (first, False)
             assert [soft for _, soft in order] == sorted(soft for _, soft in order)
             assert ("piqp", True) in order
             assert len(set(order)) == len(order)
-        name, why = first_choice(20, 24, 48)
+        name, why = first_choice(20, 24, 48, 1.0)
         assert name == "dual"
-        assert first_choice(10, 304, 628)[0] == "dual"
-        assert first_choice(20, 304, 1000)[0] == "daqp"
+        assert first_choice(10, 304, 628, 1.0)[0] == "dual"
+        assert first_choice(20, 304, 1000, 1.0)[0] == "daqp"
+        assert [first_choice(900, 4, 4, spread)[0] for spread in (1.0, 1e9)] == ["piqp", "dual"]
         assert "0.92 million" in why
+
+    @pytest.mark.parametrize(("stiffer", "second"), [(1.0, "piqp"), (1e9, "daqp")], ids=["soft", "stiff"])
+    def test_stiffness_decides_who_is_asked_when_one_fails(self, mast, stiffer, second):
+        """Where the primal set fails, the next one of a stiff mast is no interior point; `why` has the figure."""
+        rest = mast[1]
+        labels = rest.structure.tendon_labels
+        k = np.where([label.startswith("t5_") for label in labels], stiffer, 1.0) * 100.0
+        lengths = rest.lengths - rest.tensions / k
+        tendons = {
+            name: dict(zip(labels, values.tolist(), strict=True))
+            for name, values in (("stiffness", k), ("rest_length", lengths))
+        }
+        scene = tc.Scene(structure=rest.structure, tendons=tendons)
+        there = tc.find_equilibrium(scene, start=rest.nodes)
+        linear = tc.linearize(tc.build_dynamics(scene), there, outputs=())
+        controller = tc.MPC(linear, horizon=HORIZON, tension_min=15.0, modes="truncate")
+        assert controller.solver == "dual"
+        assert f"stiffest tendon is {stiffer:.2g} times the softest" in controller.why
+        piece, asked = controller.piece_at(0.0), []
+        ask = piece.ask
+
+        def told(name, qp, *, soft):
+            asked.append(name)
+            return judged(qp, None, None, "failed") if name == "primal" else ask(name, qp, soft=soft)
+
+        object.__setattr__(piece, "ask", told)
+        seen = Measurement(there.nodes, 0 * there.nodes, there.lengths, there.tensions, there.inputs)
+        controller.step(0.0, seen)
+        assert asked[-2:] == ["primal", second]
+        assert controller.records[0].status == f"{second} relaxed"
+        assert controller.records[0].kkt < 1e-9
 
     def test_limits_act_in_the_hardest_of_them(self, mast, controller):
         """The comparison would prove little if no limit acted: here rates and tension floors do."""

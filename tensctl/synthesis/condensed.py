@@ -178,12 +178,24 @@ def terminal_weight(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, 
 
 def _tension(linear: LinearModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Scaled tension map of (e, v), the tendons of its rows (taut, not between pins) and their sides."""
-    structure, members = linear.dynamics.structure, linear.dynamics.members
-    kept = np.flatnonzero((linear.equilibrium.tensions > 0) & ~structure.grounded_tendons)
+    members = linear.dynamics.members
+    kept = _floored(linear)
     stalling = kept[np.isfinite(members.force_max[kept])]
     tendons, side = np.concatenate([kept, stalling]), np.repeat([1.0, -1.0], [kept.size, stalling.size])
     model = shown(linear, "tensions")
     return np.hstack([model.C, model.D])[tendons] * (side / _scale(linear, tendons))[:, None], tendons, side
+
+
+def stiffness_spread(linear: LinearModel) -> float:
+    """The stiffest over the softest tendon that has a floor; 1 without any."""
+    scale = _scale(linear, _floored(linear))
+    return float(scale.max() / scale.min()) if scale.size else 1.0
+
+
+def _floored(linear: LinearModel) -> np.ndarray:
+    """Tendons that are taut, and not between pins."""
+    structure = linear.dynamics.structure
+    return np.flatnonzero((linear.equilibrium.tensions > 0) & ~structure.grounded_tendons)
 
 
 def _scale(linear: LinearModel, tendons: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
 from tensctl.model.tensions import tensions_at
 from tensctl.scene import MpcStage
-from tensctl.synthesis.condensed import Condensed, condense
+from tensctl.synthesis.condensed import Condensed, condense, stiffness_spread
 from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
 from tensctl.synthesis.lagging import commands_along, commands_now, followed
 from tensctl.synthesis.limits import Ahead, Limits
@@ -117,7 +117,8 @@ class MPC:
         self._fast: Fast = modes
         self.tension_min, self.rate_max = float(tension_min), asked.rate_max
         self.weights = Weights() if weights is None else weights
-        chosen = first_choice(self.horizon, len(self.linear.inputs), len(self.linear.A))
+        sizes = self.horizon, len(self.linear.inputs), len(self.linear.A)
+        chosen = first_choice(*sizes, stiffness_spread(self.linear))
         self.solver, self.why = chosen if asked.solver in ("auto", None) else (solver, "asked for")
         self.reference: Reference = Hold(linear.equilibrium) if path is None else path
         self.signal, self.preview = signal_for(self.weights, self.linear, signal), preview

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from tensctl.linear import LinearModel
 from tensctl.linear.propagate import Stretch, stretch
-from tensctl.synthesis.condensed import Condensed
+from tensctl.synthesis.condensed import Condensed, stiffness_spread
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.qp import QP, Solution, Solver
 from tensctl.synthesis.qp_solvers import new_solver, order_of, quick_ones
@@ -62,7 +62,7 @@ class Piece:
         """Plan, status and KKT residual; nothing when no answer can be used."""
         hard = limits.assemble(self.problem)
         asked, infeasible = {False: hard}, False
-        for name, soft in order_of(self.first, hard.f.size):
+        for name, soft in order_of(self.first, hard.f.size, self.spread):
             if infeasible and not soft:
                 continue
             if soft not in asked:
@@ -74,6 +74,11 @@ class Piece:
                 return plan, name + said, solution.kkt
             infeasible = infeasible or solution.status == "infeasible"
         return None
+
+    @cached_property
+    def spread(self) -> float:
+        """The stiffest over the softest tendon."""
+        return stiffness_spread(self.linear)
 
     @cached_property
     def relaxed(self) -> Relaxed:
