@@ -1,6 +1,8 @@
 """What actuators have to give: a case by hand, work against energy on runs and paths, gangs, peaks, limits."""
 
 import json
+import re
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -268,6 +270,31 @@ class TestPath:
         assert "infinitely slow" not in str(found)
 
 
+class TestPower:
+    WANTED: ClassVar = {"height_scale": 1.1, "duration": 1.2}
+
+    @pytest.mark.parametrize("gangs", [None, {"top": {"t6_*": 1.0}, "side": {"t7_1_1": 2.0, "t8_1_1": 1.0}}])
+    def test_a_path_takes_the_time_that_its_power_needs(self, gangs):
+        """Refused with a time: that keeps the limit, as the demand integrates it by itself, and 3 % less does not."""
+        scene = shell_scene(pins=["P1_*_1"], actuators={"gangs": gangs} if gangs else {})
+        peak = largest(tc.actuator_demand(tc.plan_shape(scene, self.WANTED)))
+        limit = 0.4 * peak
+        limited = scene.replaced(actuators={"gangs": gangs, "power_max": limit})
+        sentence = rf"duration = 1.2 s asks {peak:.3g} W of actuator \S+ at .* = {limit:g} W; allow (\S+) s or more"
+        with pytest.raises(tc.SynthesisError, match=sentence) as caught:
+            tc.plan_shape(limited, self.WANTED)
+        needed = float(re.search(r"allow (\S+) s", str(caught.value))[1])
+        path = tc.plan_shape(limited, self.WANTED | {"duration": needed})
+        assert largest(tc.actuator_demand(path)) <= limit
+        with pytest.raises(tc.SynthesisError, match="power_max"):
+            tc.plan_shape(limited, self.WANTED | {"duration": 0.97 * needed})
+
+
+def largest(demand):
+    """Most power that a motor gives or takes, W."""
+    return float(np.maximum(demand.peak_power.value, demand.peak_braking.value).max())
+
+
 class TestTold:
     def test_share_of_the_stall_limit(self):
         dynamics = still("k", force_max=80.0)
@@ -285,6 +312,15 @@ class TestTold:
         found = pulled(still("k", force_max=48.0), np.linspace(0, 2, 5))
         assert found.stalls == "actuator tie beyond force_max: 125 % of it at 1 s"
         assert found.stalls in str(found)
+
+    def test_beyond_a_power(self):
+        """The tie gives most as it comes to its end; half of that is too much, a little more than it is not."""
+        found = pulled(still("k"), np.linspace(0, 2, 5))
+        most = max(found.peak_power.value[0], found.peak_braking.value[0])
+        assert most > 0
+        assert found.beyond(1.001 * most) is None
+        assert found.beyond(most / 2).startswith(f"actuator tie beyond power_max = {most / 2:g} W: ")
+        assert f"{most:.4g} W at" in found.beyond(most / 2)
 
     def test_table_and_record(self, mast):
         """Most powerful first; JSON holds the same numbers by label."""

@@ -67,7 +67,8 @@ class Actuators(Section):
     """`[actuators]`: tendons whose rest length a controller may change, the least it may ask for, speed, force and lag.
 
     `gangs` are motors that pull several tendons, each a table of gear ratios by tendon label. `force_max` bounds the
-    tension of each actuated tendon wherever rest lengths are planned: shape paths and predictive control.
+    tension of each actuated tendon wherever rest lengths are planned: shape paths and predictive control. `power_max`
+    bounds what each motor gives or takes on shape paths.
     """
 
     tendons: Annotated[tuple[str, ...], Texts("tendon labels", '["t5_*"]')] = ("*",)
@@ -75,4 +76,5 @@ class Actuators(Section):
     floor: Annotated[float, Number("of the rest length", above=0, below=1)] = 1e-3
     rate_max: Annotated[float | None, Number("m/s", above=0)] = None
     force_max: Annotated[PerMember | None, per_member(Number("N", above=0))] = None
+    power_max: Annotated[float | None, Number("W", above=0)] = None
     lag: Annotated[float, Number("s", least=0)] = 0.0

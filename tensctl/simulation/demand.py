@@ -145,6 +145,20 @@ class ActuatorDemand:
             f"{100 * self.load.value[worst]:.4g} % of it at {self.load.time[worst]:.4g} s"
         )
 
+    def beyond(self, power_max: float) -> str | None:
+        """Which actuators give or take more than so much power, W, in words; None when none does."""
+        peaks = (self.peak_power, self.peak_braking)
+        kind = int(np.argmax([peak.value.max() for peak in peaks]))
+        over = int((np.maximum(*(peak.value for peak in peaks)) > power_max * (1 + _AT_LIMIT)).sum())
+        if not over:
+            return None
+        worst = int(peaks[kind].value.argmax())
+        others = f" and {over - 1} more" if over > 1 else ""
+        return (
+            f"actuator {self.labels[worst]}{others} beyond power_max = {power_max:g} W: {('gives', 'takes')[kind]} "
+            f"{peaks[kind].value[worst]:.4g} W at {peaks[kind].time[worst]:.4g} s"
+        )
+
     def allowed(self, tol: float = 1e-6) -> float:
         """Largest imbalance of energy that counts as none, J: a part of the work in both directions, and its errors."""
         both_ways = float((self.work.positive - self.work.regenerated).sum())

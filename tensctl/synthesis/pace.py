@@ -1,11 +1,14 @@
 """Whether a path has enough time: speeds of rest lengths against their limit, tensions in motion against their floor.
 
-T(t) = T_rest + dT / f^2   for a leg that takes f times as long
+T = T_rest + dT / f^2,   du/dt = v / f + dv / f^3,   P = T du/dt   for a leg that takes f times as long
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.synthesis.legs import Leg
@@ -17,6 +20,8 @@ _MOMENTS = 201
 _LONGEST = 1e3
 # Times that are told are a little longer, lest three digits are too few.
 _ABOVE = 1.005
+# Moments between which power is the mean, and how near the time that would do is found.
+_FINE, _CLOSE = 2001, 1.0005
 # Room below this part of the largest tension is none.
 _NONE = 1e-6
 
@@ -38,6 +43,46 @@ def refuse_faster(path: ShapePath, rate_max: float, tension_min: float = 0.0) ->
                 f"rate_max = {rate_max:g} m/s; allow {needed} s or more"
                 f"{_tighten_first(path, leg, tension_min, needed)}."
             )
+
+
+def refuse_stronger(path: ShapePath, power_max: float) -> None:
+    """Refuse a path on which a motor gives or takes more than so much power, W.
+
+    Raises
+    ------
+    SynthesisError
+        With the first leg that asks for it, the motor, and the time that would do.
+    """
+    for leg in path.legs:
+        t, powers = _powers(path, leg)
+        asked = powers(1.0)
+        if asked.max(initial=0.0) <= power_max:
+            continue
+        at, motor = np.unravel_index(asked.argmax(), asked.shape)
+        low, high = 1.0, 2.0
+        while powers(high).max() > power_max:
+            low, high = high, 2 * high
+        while high > low * _CLOSE:
+            middle = np.sqrt(low * high)
+            low, high = (middle, high) if powers(middle).max() > power_max else (low, middle)
+        label = path.target.potential.members.gearing.labels[motor]
+        raise SynthesisError(
+            f"{leg.key}.duration = {leg.duration:g} s asks {asked.max():.3g} W of actuator {label} at {t[at]:.2f} s, "
+            f"above actuators.power_max = {power_max:g} W; allow {_ABOVE * high * leg.duration:.3g} s or more."
+        )
+
+
+def _powers(
+    path: ShapePath, leg: Leg
+) -> tuple[Float[np.ndarray, " t"], Callable[[float], Float[np.ndarray, "t motors"]]]:
+    """Moments of a leg, and the power of every motor between them, W, when it takes so many times as long."""
+    t = leg.start + leg.duration * np.linspace(0, 1, _FINE)
+    members = path.target.potential.members
+    rest, still = path.balanced_tensions_at(t), path.balanced_inputs_at(t)
+    parts = [(T[1:] + T[:-1]) / 2 for T in (rest, path.tensions_at(t) - rest)]
+    force, added = (part[:, members.inputs] @ members.gearing.matrix for part in parts)
+    speed, quicker = (np.diff(u, axis=0) / (t[1] - t[0]) for u in (still, path.inputs_at(t) - still))
+    return t, lambda f: np.abs((force + added / f**2) * (speed / f + quicker / f**3))
 
 
 def _tighten_first(path: ShapePath, leg: Leg, tension_min: float, needed: str) -> str:

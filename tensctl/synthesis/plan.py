@@ -10,6 +10,7 @@ from tensctl.statics import Equilibrium, find_equilibrium
 from tensctl.synthesis.all_along import plan_all_along
 from tensctl.synthesis.input_limits import check_floor, input_range
 from tensctl.synthesis.legs import legs_of
+from tensctl.synthesis.pace import refuse_stronger
 from tensctl.synthesis.path import ShapePath
 from tensctl.synthesis.reference import Hold, refuse_beyond
 from tensctl.synthesis.rod_room import crowded
@@ -38,7 +39,7 @@ def plan_shape(
     scene : Scene
         `[target]` gives `height_scale`, `twist`, `tip`, `tilt` or `nodes`, or several, with `start` and `duration`, or
         waypoints, and the `clearance` of rods; `[mpc]` gives `tension_min`, `rate_max` and `u_max`, `[actuators]` the
-        stall limits `force_max`.
+        stall limits `force_max` and the most power of a motor, `power_max`.
     target : float, or table with the keys of `[target]`, optional
         Height over the equilibrium's height; the scene's own target by default.
     start : Equilibrium, optional
@@ -52,7 +53,7 @@ def plan_shape(
     ------
     SynthesisError
         A floor below 0, a shape out of reach, a start beyond a stall limit or u_max or with rods too near, or a
-        duration too short for the rate limit.
+        duration too short for the rate or power limit.
     """
     start = find_equilibrium(scene) if start is None else start
     if not start.stable:
@@ -71,4 +72,7 @@ def plan_shape(
     members = start.potential.members
     refuse_beyond(Hold(start), members.gearing.labels, input_range(start.structure, members, u_max))
     legs = tuple(legs_of(wanted, start.structure, start.nodes))
-    return plan_all_along(legs, start, Asked(tension_min, wanted.clearance, u_max), rate_max)
+    path = plan_all_along(legs, start, Asked(tension_min, wanted.clearance, u_max), rate_max)
+    if scene.actuators.power_max is not None:
+        refuse_stronger(path, scene.actuators.power_max)
+    return path
