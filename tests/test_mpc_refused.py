@@ -2,11 +2,13 @@
 
 import copy
 import pickle
+import re
 from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from support import shell_scene, solved
 
 import tensctl as tc
 from tensctl.synthesis import Reading
@@ -31,6 +33,18 @@ def sample(rest, **other):
 def test_settings_of_another_kind(mast, given, said):
     with pytest.raises(tc.SynthesisError, match=said):
         tc.MPC(mast[2], horizon=2, **given)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.05])
+def test_a_mode_that_one_motor_does_not_reach_is_named(lag):
+    """Of the mast's undamped modes one tendon drives half of each pair; the sentence is LQR's, up to the advice."""
+    _, _, linear = solved(shell_scene(pins=["P1_*_1"], actuators={"tendons": ["t5_1_1"], "lag": lag}))
+    with pytest.raises(tc.SynthesisError) as known:
+        tc.lqr(linear, dt=DT)
+    said = str(known.value).split(";")[0]
+    assert said.startswith("mode ")
+    with pytest.raises(tc.SynthesisError, match=re.escape(f"{said}; give tendons that reach it, or some damping.")):
+        tc.MPC(linear, horizon=2, dt=DT)
 
 
 def test_a_model_of_another_kind(mast):

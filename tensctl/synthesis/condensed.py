@@ -30,6 +30,7 @@ from tensctl.synthesis.following import Following, following
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.riccati import Riccati, dare
 from tensctl.synthesis.shown import shown
+from tensctl.synthesis.stabilisable import refuse_undriven
 from tensctl.threads import one_blas_thread
 
 # A mode that decays by less than this part of itself in a period is one that no weighted output shows.
@@ -113,13 +114,18 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights, *, 
     Raises
     ------
     SynthesisError
-        When the discrete Riccati equation of the terminal weight has no solution.
+        When the discrete Riccati equation of the terminal weight has no solution, with the mode that inputs do not
+        bring to rest.
     """
     nx, nu = linear.B.shape
     sampled = sample_ramped(linear.A, linear.B, dt)
     A, B = sampled.with_input_state()
     Q, R = stage_weights(linear, dt, weights)
-    terminal = terminal_weight(A, B, Q, R, weights)
+    try:
+        terminal = terminal_weight(A, B, Q, R, weights)
+    except SynthesisError:
+        refuse_undriven(linear.mechanics)
+        raise
     tension, tendons, side = _tension(linear)
     free, forced = _predict(A, B, horizon)
     stages = _by_stage(Q, terminal.X, horizon)

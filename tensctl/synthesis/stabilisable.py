@@ -76,6 +76,20 @@ def stabilisable(linear: LinearModel, *, only: bool) -> Part:
     return Part(sla.null_space(lost.T, rcond=0.5), left)
 
 
+def refuse_undriven(linear: LinearModel) -> None:
+    """For designs that need every mode: refuse a model with modes that are neither damped nor driven.
+
+    Raises
+    ------
+    SynthesisError
+        With the first such mode, its frequency and the reason.
+    """
+    left = stabilisable(linear, only=True).left
+    if left:
+        what = "neither damped nor driven"
+        raise SynthesisError(f"{_first(left)} {what}: {left[0].reason}; give tendons that reach it, or some damping.")
+
+
 def controlled_part(linear: LinearModel, C: Float[np.ndarray, "ny nx"], *, only: bool) -> Part:
     """The part of a flexible model that inputs can bring to rest and that sensors with rows C can tell of.
 
@@ -162,13 +176,17 @@ def _owners(linear: LinearModel) -> np.ndarray:
 
 
 def _allow(left: tuple[LeftOut, ...], how: str, only: bool) -> None:
-    first, *others = left
     if not only:
-        more = f" (and {len(others)} more)" if others else ""
         raise SynthesisError(
-            f"mode {first.index} at {first.frequency:.4g} Hz{more} is {how}: {first.reason}; give tendons or "
-            "sensors that reach it, some damping, or design on the rest with stabilisable_only=True."
+            f"{_first(left)} {how}: {left[0].reason}; give tendons or sensors that reach it, some damping, or design "
+            "on the rest with stabilisable_only=True."
         )
+
+
+def _first(left: tuple[LeftOut, ...]) -> str:
+    first, *others = left
+    more = f" (and {len(others)} more)" if others else ""
+    return f"mode {first.index} at {first.frequency:.4g} Hz{more} is"
 
 
 def _named(linear: LinearModel, lost: np.ndarray, reasons: dict[int, str]) -> tuple[LeftOut, ...]:
