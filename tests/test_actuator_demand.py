@@ -1,5 +1,6 @@
 """What actuators have to give: a case by hand, work against energy on runs and paths, gangs, peaks, limits."""
 
+import io
 import json
 import re
 from typing import ClassVar
@@ -9,6 +10,7 @@ import pytest
 from support import network_scene, order_of, replaced, shell_scene
 
 import tensctl as tc
+from tensctl.progress import Progress
 from tensctl.simulation.demand_table import record
 
 LAWS = {"k": {"stiffness": 100.0}, "EA": {"EA": 80.0}}
@@ -354,3 +356,15 @@ def test_the_report_of_a_plan_draws_force_speed_and_power(tmp_path):
     for name in ("Force", "Speed", "Power"):
         assert page.count(f"{name} of every actuator over time") == 1
     assert "Controllability: least gain of a mode over the largest" in page
+
+
+def test_a_run_beyond_its_power_is_told(tmp_path):
+    """On the terminal and in the report: a schedule knows no limits."""
+    plan = {"t_end": 0.1, "schedule": [{"tendon": "t7_1_1", "times": [0, 0.1], "change": [0, 0.02]}]}
+    scene = shell_scene(pins=["P1_*_1"], actuators={"power_max": 0.1}, equilibrium={}, simulation=plan, report={})
+    said = io.StringIO()
+    results = tc.run(scene, tmp_path / "out", progress=Progress(stream=said))
+    told = results.demand.beyond(0.1)
+    assert told.startswith("actuator t7_1_1 beyond power_max = 0.1 W: gives ")
+    assert f"warning: {told}" in said.getvalue()
+    assert told[1:] in (tmp_path / "out" / "report.html").read_text()

@@ -45,6 +45,7 @@ def to_case(results: Results, seconds: dict[str, float]) -> Case:
         path_error=results.path_error,
         clearance=None if results.scene.target is None else results.scene.target.clearance,
         wanted=_wanted(results),
+        overpowered=results.overpowered,
         carried=results.carried,
         height=_height(results),
         mpc_check=_mpc_check(results),

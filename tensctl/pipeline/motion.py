@@ -73,7 +73,7 @@ def demanded(results: Results, clock: Clock) -> Results:
             demand = actuator_demand(results.path)
     if demand.stalls:
         clock.progress.warn(demand.stalls)
-    limit = results.scene.actuators.power_max
-    if limit is not None and (over := demand.beyond(limit)):
-        clock.progress.warn(over)
-    return replace(results, demand=demand)
+    results = replace(results, demand=demand)
+    if results.overpowered:
+        clock.progress.warn(results.overpowered)
+    return results

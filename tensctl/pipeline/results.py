@@ -108,6 +108,12 @@ class Results:
             return None
         return distance_in_frame(self.wanted, self.run)
 
+    @property
+    def overpowered(self) -> str | None:
+        """Which actuators give or take more than `actuators.power_max`, in words; None when none does."""
+        limit = self.scene.actuators.power_max
+        return None if limit is None or self.demand is None else self.demand.beyond(limit)
+
     @cached_property
     def path_error(self) -> np.ndarray | None:
         """Largest distance of a node to the path at each recorded time, m; None without a path that is followed."""

@@ -162,6 +162,8 @@ class Case:
     clearance : float, optional
         Distance that rods are asked to keep, m.
     wanted : tuple of Wanted
+    overpowered : str, optional
+        Which actuators pass their limit of power.
     carried : (float, float), optional
         How far a free controlled structure has moved, m, and turned, rad, as a whole by the end of the run.
     height : Height, optional
@@ -200,6 +202,7 @@ class Case:
     path_error: np.ndarray | None = None
     clearance: float | None = None
     wanted: tuple[Wanted, ...] = ()
+    overpowered: str | None = None
     carried: tuple[float, float] | None = None
     height: Height | None = None
     mpc_check: MpcCheck | None = None
