@@ -105,6 +105,32 @@ def test_numbers_in_lists_are_taken(mast):
     assert (answers[0] == answers[1]).all()
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"sensors": None}, "sensors is of type NoneType; what tc.sensors gives"),
+        ({"track": 3}, "track is 3; patterns of sensor labels"),
+        ({"track": ()}, r"track is \(\); patterns of sensor labels"),
+        ({"drift": "a"}, "drift is 'a'; a number > 0"),
+    ],
+)
+def test_settings_of_control_from_sensors(mast, given, said):
+    with pytest.raises(tc.TensctlError, match=said):
+        tc.OutputMPC(mast[2], **{"sensors": tc.sensors(mast[0].structure, lengths=1e-4), "horizon": 2, **given})
+
+
+@pytest.mark.parametrize("noise", ["a", [1e-3] * 24, {"t5_*": None}])
+def test_noise_that_is_no_number(mast, noise):
+    with pytest.raises(tc.SynthesisError, match=r"sensors\.lengths is .*; a number, or a table of numbers by label"):
+        tc.sensors(mast[0].structure, lengths=noise)
+
+
+@pytest.mark.parametrize("signal", [[0.0, 1.0], {"P4_1_1_x": ([0.0], [0.1])}, (1.0, 2.0, 3.0)])
+def test_signals_of_another_kind(mast, signal):
+    with pytest.raises(tc.SynthesisError, match=r"signal is of type .*; a function of time, two arrays"):
+        tc.MPC(mast[2], horizon=2, weights=tc.Weights(outputs={"nodes:P4_1_1": 1e-3}), signal=signal)
+
+
 def test_readings_of_another_shape(mast):
     eyes = tc.sensors(mast[0].structure, lengths=1e-4)
     controller = tc.OutputMPC(mast[2], eyes, horizon=2)

@@ -122,6 +122,8 @@ def disturbed(linear: LinearModel, sensors: Sensors, dt: float) -> Disturbed:
     SynthesisError
         Sensors of another structure, or a mode without stiffness.
     """
+    if not isinstance(sensors, Sensors):
+        raise SynthesisError(f"sensors is of type {type(sensors).__name__}; what tc.sensors gives is expected.")
     if sensors.structure is not linear.dynamics.structure:
         raise SynthesisError("the sensors belong to another structure; make them for linear.dynamics.structure.")
     flat = [mode.index for mode in linear.modes if not mode.omega2 > 0]

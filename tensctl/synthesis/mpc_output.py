@@ -12,8 +12,10 @@ path the target is where the path is when a command begins to act, and plans dev
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -103,8 +105,8 @@ class OutputMPC(MPC):
             linear, horizon=horizon, dt=dt, tension_min=tension_min, rate_max=rate_max, u_max=u_max,
             weights=weights, solver=solver, delay=delay, modes=modes, signal=signal, preview=preview,
         )  # fmt: skip
-        if not (np.isfinite(drift) and drift > 0):
-            raise SynthesisError(f"drift is {drift}; a number > 0 is expected, deviations of a sensor in a second.")
+        if not (isinstance(drift, Real) and 0 < drift < np.inf):
+            raise SynthesisError(f"drift is {drift!r}; a number > 0 is expected, deviations of a sensor in a second.")
         self.sensors = sensors
         self.wanted: Reference = Hold(linear.equilibrium) if path is None else path
         self.model: Disturbed = disturbed(self.linear, sensors, self.dt)
@@ -193,7 +195,7 @@ class OutputMPC(MPC):
     def _seen(self, measurement: Any, inputs: np.ndarray, commands: np.ndarray) -> Reading:
         """The reading, with known inputs: the filter goes on without what is missing."""
         missing = np.full(self.sensors.noise.size, np.nan)
-        return Reading(missing if measurement is None else measurement.values, inputs, commands)
+        return Reading(missing if measurement is None else np.asarray(measurement.values), inputs, commands)
 
     def _tensions_of(self, look: Reading) -> tuple[np.ndarray, np.ndarray]:
         """Tensions where sensors read them, and as many deviations as noise stays within."""
@@ -214,7 +216,10 @@ class OutputMPC(MPC):
 
     def _refuse_others(self, measurement: object) -> None:
         shapes = (self.sensors.noise.shape, (len(self.linear.inputs),))
-        if not isinstance(measurement, Reading) or (measurement.values.shape, np.shape(measurement.inputs)) != shapes:
+        if (
+            not isinstance(measurement, Reading)
+            or (np.shape(measurement.values), np.shape(measurement.inputs)) != shapes
+        ):
             raise SynthesisError(
                 f"this MPC is shown what its {self.sensors.noise.size} sensors read, and {len(self.linear.inputs)} "
                 "inputs; give step(t, mpc.sensors.read(measurement, sample))."
@@ -347,6 +352,8 @@ def _tracked(sensors: Sensors, track: str | tuple[str, ...] | None) -> np.ndarra
     """Which sensors are to reach what is wanted."""
     if track is not None:
         patterns = (track,) if isinstance(track, str) else track
+        if not (isinstance(patterns, Sequence) and patterns and all(isinstance(one, str) for one in patterns)):
+            raise SynthesisError(f'track is {track!r}; patterns of sensor labels are expected, such as "l_*".')
         return np.unique([k for pattern in patterns for k in matches(sensors.labels, pattern, "track")])
     first, last = sensors.lengths.size, sensors.lengths.size + sensors.tensions.size
     shape = np.r_[0:first, last : sensors.noise.size]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Protocol
 
 import numpy as np
@@ -160,6 +161,8 @@ def sensors(
 def _noise(name: str, labels: tuple[str, ...], given: Noise | None) -> np.ndarray:
     if given is None:
         return np.full(len(labels), np.inf)
+    if not all(isinstance(value, Real) for value in (given.values() if isinstance(given, Mapping) else (given,))):
+        raise SynthesisError(f"sensors.{name} is {given!r}; a number, or a table of numbers by label, is expected.")
     noise = by_label(labels, given, f"sensors.{name}", np.inf)
     if not (noise > 0).all():
         raise SynthesisError(

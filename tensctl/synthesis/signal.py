@@ -104,6 +104,11 @@ def signal_for(weights: Weights, linear: LinearModel, given: Wanted | None) -> S
         raise SynthesisError(
             'a signal is given, but no output; weights=tc.Weights(outputs={"nodes:P4_1_1": 1e-3}) names some.'
         )
+    if not (callable(given) or isinstance(given, Courses) or (isinstance(given, tuple) and len(given) == 2)):
+        raise SynthesisError(
+            f"signal is of type {type(given).__name__}; a function of time, two arrays (times, values), or tc.Courses "
+            "is expected."
+        )
     signal = Signal(weights.of_outputs(linear).linear.outputs, given)
     signal.at(np.zeros(1))
     return signal
