@@ -42,6 +42,8 @@ class Piece:
     def __post_init__(self) -> None:
         for name, soft in quick_ones(self.first, self.problem.H.shape[0]):
             self.solver(name, soft=soft)  # what takes long is done before the first step
+            if soft:
+                _ = self.relaxed
 
     def __reduce__(self) -> tuple:
         return Piece, (self.linear, self.problem, self.delay, self.first)  # a copy sets up its own solvers
