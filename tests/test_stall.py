@@ -60,7 +60,8 @@ class TestPath:
 
     def test_out_of_reach(self):
         """The sentence names both limits, and the tendons at them."""
-        with pytest.raises(tc.SynthesisError, match=r"above 12.9 N and up to force_max; .* raise actuators.force_max"):
+        limits = r"above 12.9 N and up to force_max: t.* at tension_min and t.* at force_max .*raise actuators.force_max"
+        with pytest.raises(tc.SynthesisError, match=limits):
             tc.plan_shape(mast(force_max=13.0), tension_min=12.9)
 
     def test_a_start_beyond_its_limit(self):
