@@ -60,7 +60,7 @@ class TestPath:
 
     def test_out_of_reach(self):
         """The sentence names both limits, and the tendons at them."""
-        limits = r"above 12.9 N and up to force_max: t.* at tension_min and t.* at force_max .*raise actuators.force_max"
+        limits = r"above 12.9 N and up to force_max: t.* at tension_min and t.* at force_max .*raise actuators.force"
         with pytest.raises(tc.SynthesisError, match=limits):
             tc.plan_shape(mast(force_max=13.0), tension_min=12.9)
 
