@@ -33,7 +33,8 @@ class Moving:
         self._q, self._v = state
         self.actuators, self._loads = actuators, Loads(dynamics, loads)
         rods, tendons = len(dynamics.structure.rods), len(dynamics.structure.tendons)
-        self._record = Record(times, rods, tendons, room, lags=dynamics.members.lag > 0)
+        self._lags = dynamics.members.lag > 0
+        self._record = Record(times, rods, tendons, room, lags=self._lags)
         self._status, self._told = "", 0
         self.delayed = False
         self._due: np.ndarray | None = None
@@ -72,7 +73,9 @@ class Moving:
         self._choice.integrator.march(self._q, self._v, times, self._drive(t0, t1), q, v)
         if not np.isfinite(self._q).all():
             raise SimulationError(f"the motion could not be followed beyond {t0:g} s; use a smaller tol.")
-        kept, asked = slice(1, 1 + inside.size), self.actuators.asked_after(inside - t0)
+        kept, asked = slice(1, 1 + inside.size), None
+        if self._lags:
+            asked = self.actuators.asked_after(inside - t0)
         rest = self.actuators.advance(times[1:] - t0)
         self._record.put(rows, q[kept], v[kept], rest[: inside.size], asked, self._status)
 
@@ -138,7 +141,8 @@ class Moving:
         nodes, velocities = placed(structure, self._q[None], self._v[None])
         length = structure.lengths_at(nodes[0])
         tension = tensions_at(self._dynamics, nodes, velocities, length[None], rest[None])
-        inputs, commands = self.actuators.inputs, self.actuators.asked_inputs
+        inputs = self.actuators.inputs
+        commands = self.actuators.asked_inputs if self._lags else inputs
         return Measurement(nodes[0], velocities[0], length, tension[0], inputs, commands)
 
 

@@ -41,7 +41,7 @@ class Record:
         return slice(*np.searchsorted(self.times, [t0, t1], side="right"))
 
     def put(
-        self, rows: slice, q: np.ndarray, v: np.ndarray, rest: np.ndarray, asked: np.ndarray, status: str
+        self, rows: slice, q: np.ndarray, v: np.ndarray, rest: np.ndarray, asked: np.ndarray | None, status: str
     ) -> None:  # fmt: skip
         """Keep some rows; of what is asked for only where rest lengths lag."""
         rows = slice(rows.start - self.first, rows.stop - self.first)

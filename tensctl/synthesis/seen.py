@@ -53,11 +53,8 @@ def refuse_misshapen(structure: Structure, inputs: int, measurement: object) -> 
     shapes = {"nodes": nodes, "velocities": nodes, "inputs": (inputs,), "tensions": tendons, "commands": (inputs,)}
     for name, shape in shapes.items():
         given = getattr(measurement, name, None)
-        if given is None:
-            has, fits = f"no {name}", name in ("tensions", "commands")
-        else:
-            has, fits = f"{name} of shape {np.shape(given)}", np.shape(given) == shape
-        if not fits:
+        if not (name in ("tensions", "commands") if given is None else np.shape(given) == shape):
+            has = f"no {name}" if given is None else f"{name} of shape {np.shape(given)}"
             raise SynthesisError(
                 f"the measurement has {has}; {shape} is expected, with NaN for what was not measured, or None instead "
                 "of a measurement that never came."
