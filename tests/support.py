@@ -115,3 +115,11 @@ def clustered(structure, cables, pins=()):
 
 def mast_scene(pins=(), **sections):
     return tc.Scene(structure=clustered(tc.shell(3, 2), MAST, pins), **sections)
+
+
+def disturbed(rest, size, seed=1):
+    """A random deviation from rest, always the same but for its size."""
+    rng, manifold = np.random.default_rng(seed), rest.potential.manifold
+    nodes = manifold.retract(rest.nodes, 0.01 * size * rng.standard_normal(manifold.size))
+    velocities = (manifold.tangent(nodes) @ (0.1 * size * rng.standard_normal(manifold.size))).reshape(-1, 3)
+    return tc.Measurement(nodes, velocities, rest.lengths, rest.tensions, rest.inputs)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from linear_support import SCENES
-from support import order_of, random_motion, shell_scene, solved, taylor_order
+from support import disturbed, order_of, random_motion, shell_scene, solved, taylor_order
 
 import tensctl as tc
 from tensctl.linear.state_slopes import states_and_slopes
@@ -129,14 +129,6 @@ class TestStateSlopes:
             return states_and_slopes(linear, p, v)[0] - states - np.einsum("snc,sc->sn", slopes, change)
 
         assert taylor_order(remainder, STEPS) > 1.9
-
-
-def disturbed(rest, size, seed=1):
-    """A random deviation from rest, always the same but for its size."""
-    rng, manifold = np.random.default_rng(seed), rest.potential.manifold
-    nodes = manifold.retract(rest.nodes, 0.01 * size * rng.standard_normal(manifold.size))
-    velocities = (manifold.tangent(nodes) @ (0.1 * size * rng.standard_normal(manifold.size))).reshape(-1, 3)
-    return tc.Measurement(nodes, velocities, rest.lengths, rest.tensions, rest.inputs)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from casadi_rollout import rolled_out
 from linear_support import SCENES
-from support import random_motion, shell_scene, solved
+from support import disturbed, random_motion, shell_scene, solved
 
 import tensctl as tc
 from tensctl.synthesis.qp_anew import answer
@@ -19,14 +19,6 @@ DT, HORIZON = 0.02, 5
 KINDS = ["mixed pins", "free EA", "free damped", "weight", "cables, pinned damped EA", "plane"]
 KINDS += ["joints, guides, weight", "guides, damped EA", "plane, joint, guide, cable"]
 KINDS += ["three rods in a joint, EA, damped, weight"]
-
-
-def disturbed(rest, size, seed=1):
-    """A random deviation from rest, always the same but for its size."""
-    rng, manifold = np.random.default_rng(seed), rest.potential.manifold
-    nodes = manifold.retract(rest.nodes, 0.01 * size * rng.standard_normal(manifold.size))
-    velocities = (manifold.tangent(nodes) @ (0.1 * size * rng.standard_normal(manifold.size))).reshape(-1, 3)
-    return tc.Measurement(nodes, velocities, rest.lengths, rest.tensions, rest.inputs)
 
 
 @pytest.fixture(scope="module")

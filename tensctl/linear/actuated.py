@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from tensctl.linear.lag import recast
 from tensctl.linear.model import LinearModel
 
 
@@ -27,9 +28,7 @@ class ActuatedModel(LinearModel):
 
     @cached_property
     def _mechanics(self) -> LinearModel:
-        return LinearModel(
-            self.dynamics, self.equilibrium, self.modes, self.outputs_map, self.loaded, self.drifting, self.condensed
-        )
+        return recast(self, LinearModel)
 
     @property
     def actuated(self) -> LinearModel:

@@ -25,7 +25,7 @@ from tensctl.linear.harmonic_block import Harmonic, Shown
 from tensctl.linear.harmonic_find import linear_symmetry
 from tensctl.linear.harmonic_inputs import harmonic_gears, input_orbits
 from tensctl.linear.harmonic_map import HarmonicMap
-from tensctl.linear.lag import lag_felt
+from tensctl.linear.lag import lag_felt, recast
 from tensctl.linear.linearize import checked_point
 from tensctl.linear.model import LinearModel
 from tensctl.model import Dynamics
@@ -116,7 +116,7 @@ class HarmonicModel:
         """The model whose inputs are commands, as `LinearModel.actuated`."""
         if self.lag or not lag_felt(self.dynamics, float(max(block.scales.max(initial=0.0) for block in self.blocks))):
             return self
-        return replace(self, blocks=tuple(ActuatedHarmonic.of_mechanics(block) for block in self.blocks))
+        return replace(self, blocks=tuple(recast(block, ActuatedHarmonic) for block in self.blocks))
 
     @cached_property
     def _chart(self):

@@ -5,8 +5,6 @@ d/dt (x_k, u_k) = [A_k B_k; 0 -1/tau] (x_k, u_k) + [0; 1/tau] c_k
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 from jaxtyping import Inexact
 
@@ -15,11 +13,6 @@ from tensctl.linear.harmonic_block import Harmonic, Shown
 
 class ActuatedHarmonic(Harmonic):
     """A harmonic with the lag of its actuators; its last states are rest-length changes, its inputs commands."""
-
-    @classmethod
-    def of_mechanics(cls, block: Harmonic) -> ActuatedHarmonic:
-        """The same motions, driven through actuators."""
-        return cls(*(getattr(block, field.name) for field in fields(block)))
 
     @property
     def lag(self) -> float:

@@ -24,7 +24,7 @@ from jaxtyping import Float, Int
 
 from tensctl.errors import LinearizationError
 from tensctl.linear.frame import Frame, best_fit
-from tensctl.linear.lag import lag_felt
+from tensctl.linear.lag import lag_felt, recast
 from tensctl.linear.modes import Mode, Modes
 from tensctl.linear.outputs import Output, OutputMap, output_map
 from tensctl.linear.second_order import SecondOrder, second_order
@@ -203,9 +203,7 @@ class LinearModel:
             return self
         from tensctl.linear.actuated import ActuatedModel
 
-        return ActuatedModel(
-            self.dynamics, self.equilibrium, self.modes, self.outputs_map, self.loaded, self.drifting, self.condensed
-        )
+        return recast(self, ActuatedModel)
 
     def showing(self, outputs: Output | Sequence[Output]) -> LinearModel:
         """The same model with other outputs."""
