@@ -226,6 +226,13 @@ def path(request):
     return tc.plan_shape(shell_scene(pins=["P1_*_1"], tendons=LAWS[request.param], target=target))
 
 
+@pytest.fixture(scope="module")
+def round_about():
+    """A mast whose tip goes aside and round: some motors have their peak where a leg ends and speeds jump."""
+    legs = [{"tip": [0.3, 0.0], "duration": 3.0}, {"circle": "tip", "turns": -0.25, "duration": 2.5}]
+    return tc.plan_shape(shell_scene(3, 2, pins=["P1_*_1"], target={"waypoint": legs}))
+
+
 class TestPath:
     def test_work_is_the_change_of_potential(self, path):
         """Along equilibria."""
@@ -257,6 +264,17 @@ class TestPath:
         assert np.abs(found.holding_force - last.tensions[last.potential.members.inputs]).max() < 1e-9
         assert found.peak_speed.value.max() == pytest.approx(path.fastest, rel=1e-4)
         assert (found.time[0], found.time[-1]) == (0.5, 3.5)
+
+    @pytest.mark.parametrize("apart", [-1e-6, 1e-6], ids=["before", "after"])
+    def test_peaks_beside_a_jump_of_speeds(self, round_about, apart):
+        """What a motor does in the microsecond before or after a leg ends is not above the peaks that are told."""
+        found, end = tc.actuator_demand(round_about), round_about.legs[1].start
+        speed = (round_about.inputs_at(end + apart) - round_about.inputs_at(end)) / apart
+        power = speed * round_about.tensions_at(end)[round_about.target.potential.members.inputs]
+        assert np.all(np.abs(speed) < found.peak_speed.value + 1e-5 * np.abs(speed).max())
+        told = np.maximum(found.peak_power.value, found.peak_braking.value)
+        assert np.all(np.abs(power) < told + 1e-5 * np.abs(power).max())
+        assert np.abs(speed).max() < round_about.fastest_of(round_about.legs[0 if apart < 0 else 1]) * (1 + 1e-5)
 
     def test_a_slow_run_agrees(self, path):
         """Steered along the path in ten times its time, peaks of force and work are those of the path."""

@@ -12,7 +12,7 @@ from tensctl.elements import rod_gaps
 from tensctl.statics import settle
 from tensctl.synthesis import all_along
 from tensctl.synthesis.legs import legs_of
-from tensctl.synthesis.pace import _as_it_is
+from tensctl.synthesis.pace import _as_it_is, _told_below
 from tensctl.synthesis.shape_limits import Asked
 from tensctl.synthesis.target import wanted_target
 
@@ -156,3 +156,24 @@ def test_inputs_that_inertia_takes_beyond_their_range_are_refused():
     sentence = r"the input of t1_\S+ comes to .* as it moves, and the .*; allow more time\.$"
     with pytest.raises(tc.SynthesisError, match=sentence):
         tc.plan_shape(tight, {"height_scale": 1.1, "duration": 0.2}, u_max=0.06)
+
+
+def test_inertia_that_passes_a_floor_above_the_start_is_told_to_tighten_first():
+    """Tightened first, the same way needs a fraction of the time that it needs from the start."""
+    asked, wanted = {"tension_min": 4.0, "rate_max": 5.0}, {"height_scale": 1.2, "duration": 0.5}
+    with pytest.raises(tc.SynthesisError, match="inertia would take") as caught:
+        tc.plan_shape(MAST, wanted, **asked)
+    sentence = r"allow (\S+) s or more; or tighten first, .* put a waypoint with (\w+) = (\S+) before the others\.$"
+    needed, key, value = re.search(sentence, str(caught.value)).groups()
+    first = {key: json.loads(value), "duration": 3.0}
+    with pytest.raises(tc.SynthesisError, match=r"waypoint\[1\].* is quick for this prestress") as caught:
+        tc.plan_shape(MAST, {"waypoint": [first, wanted]}, **asked)
+    assert "tighten first" not in str(caught.value)
+    sooner = float(re.search(r"allow (\S+) s", str(caught.value))[1])
+    assert sooner < 0.1 * float(needed)
+    tc.plan_shape(MAST, {"waypoint": [first, wanted | {"duration": 5.0}]}, **asked)
+
+
+@pytest.mark.parametrize(("value", "said"), [(0.4961, "0.496"), (5.99953, "5.9995"), (-2.0, "-2")])
+def test_a_tension_below_its_floor_reads_as_below_it(value, said):
+    assert _told_below(value, 6.0) == said

@@ -20,7 +20,8 @@ from tensctl.simulation.run import Run
 from tensctl.structure import Members
 from tensctl.synthesis import ShapePath
 
-# Times at which a path is looked at: work is then good to 1e-7 of itself, and peaks to 1e-5.
+# Times of each leg at which a path is looked at: work is then good to 1e-7 of itself, and peaks to 1e-5, where speeds
+# jump between two legs as well.
 _TIMES = 1001
 # Part of themselves by which lengths may be off: the tolerance that a run has by default.
 _OFF = 1e-10
@@ -59,7 +60,8 @@ def actuator_demand(
 
 
 def _of_path(path: ShapePath, inertia: bool) -> ActuatorDemand:
-    time, members = path.start + path.duration * np.linspace(0, 1, _TIMES), path.target.potential.members
+    time = np.unique(np.concatenate([leg.moments(_TIMES) for leg in path.legs]))
+    members = path.target.potential.members
     tensions = path.tensions_at(time) if inertia else path.balanced_tensions_at(time)
     inputs = path.inputs_at(time) if inertia else path.balanced_inputs_at(time)
     pull = pull_of_tensions(members, time, inputs, tensions)

@@ -41,7 +41,7 @@ def refuse_faster(path: ShapePath, rate_max: float, tension_min: float = 0.0) ->
             raise SynthesisError(
                 f"{leg.key}.duration = {leg.duration:g} s makes a rest length change at {fastest:.3g} m/s, above "
                 f"rate_max = {rate_max:g} m/s; allow {needed} s or more"
-                f"{_tighten_first(path, leg, tension_min, needed)}."
+                f"{_tighten_first(path, leg, tension_min, f' and duration = {needed}')}."
             )
 
 
@@ -76,17 +76,17 @@ def _powers(
     path: ShapePath, leg: Leg
 ) -> tuple[Float[np.ndarray, " t"], Callable[[float], Float[np.ndarray, "t motors"]]]:
     """Moments of a leg, and the power of every motor between them, W, when it takes so many times as long."""
-    t = leg.start + leg.duration * np.linspace(0, 1, _FINE)
+    t = leg.moments(_FINE)
     members = path.target.potential.members
     rest, still = path.balanced_tensions_at(t), path.balanced_inputs_at(t)
     parts = [(T[1:] + T[:-1]) / 2 for T in (rest, path.tensions_at(t) - rest)]
     force, added = (part[:, members.inputs] @ members.gearing.matrix for part in parts)
-    speed, quicker = (np.diff(u, axis=0) / (t[1] - t[0]) for u in (still, path.inputs_at(t) - still))
+    speed, quicker = (np.diff(u, axis=0) / np.diff(t)[:, None] for u in (still, path.inputs_at(t) - still))
     return t, lambda f: np.abs((force + added / f**2) * (speed / f + quicker / f**3))
 
 
-def _tighten_first(path: ShapePath, leg: Leg, tension_min: float, needed: str) -> str:
-    """What to try besides where a leg is fast because it begins with less tension than its floor, in words."""
+def _tighten_first(path: ShapePath, leg: Leg, tension_min: float, taking: str = "") -> str:
+    """What to try besides where a leg is quick because it begins with less tension than its floor, in words."""
     start = path.equilibria[0]
     below = np.where(start.structure.grounded_tendons, np.inf, start.tensions)
     if leg is not path.legs[0] or below.min(initial=np.inf) >= tension_min:
@@ -94,7 +94,7 @@ def _tighten_first(path: ShapePath, leg: Leg, tension_min: float, needed: str) -
     label = start.structure.tendon_labels[int(below.argmin())]
     return (
         f"; or tighten first, since the start has {below.min():.3g} N in {label}, below tension_min = {tension_min:g} "
-        f"N: put a waypoint with {_as_it_is(leg.features[0], start.nodes)} and duration = {needed} before the others"
+        f"N: put a waypoint with {_as_it_is(leg.features[0], start.nodes)}{taking} before the others"
     )
 
 
@@ -129,6 +129,12 @@ def too_quick(path: ShapePath, tension_min: float) -> str | None:
             remedy = f"allow {leg.duration * factor:.3g} s or more" if factor < _LONGEST else "raise the prestress"
             return (
                 f"{leg.key}.duration = {leg.duration:g} s is quick for this prestress: inertia would take "
-                f"{labels[tendon]} to {moving[at, tendon]:.3g} N at {t[at]:.2f} s, below {tension_min:g} N; {remedy}."
+                f"{labels[tendon]} to {_told_below(moving[at, tendon], tension_min)} N at {t[at]:.2f} s, below "
+                f"{tension_min:g} N; {remedy}{_tighten_first(path, leg, tension_min)}."
             )
     return None
+
+
+def _told_below(value: float, floor: float) -> str:
+    """A number with three digits, or as many as tell it from the floor that it is below."""
+    return next((said for digits in range(3, 9) if float(said := f"{value:.{digits}g}") < floor), f"{value:g}")

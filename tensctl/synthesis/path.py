@@ -185,9 +185,9 @@ class ShapePath:
 
     def fastest_of(self, leg: Leg) -> float:
         """Largest speed of a reference rest length on one leg, m/s."""
-        t = leg.start + leg.duration * np.linspace(0, 1, 2001)
-        moved = np.abs(np.diff(self.inputs_at(t), axis=0)) * self.target.potential.members.gearing.largest
-        return float(moved.max(initial=0.0) / (t[1] - t[0]))
+        t = leg.moments(2001)
+        speed = np.abs(np.diff(self.inputs_at(t), axis=0)) / np.diff(t)[:, None]
+        return float((speed * self.target.potential.members.gearing.largest).max(initial=0.0))
 
     def _sample(self, t: float | np.ndarray) -> np.ndarray:
         """Number of the sample of inertia at time t."""
