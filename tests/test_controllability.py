@@ -159,6 +159,17 @@ class TestExtremes:
         assert sorted(m.gain for m in one.modes) == pytest.approx(sorted(m.gain for m in other.modes), rel=1e-7)
 
 
+def test_a_shape_that_nothing_holds_is_judged():
+    """A mast so flat that its overlap is 300 of its heights: every frequency is zero, and each mode has its reason."""
+    linear = solved(shell_scene(
+        pins=["P1_*_1"], radius=1e-3, height=1e-3, rods={"mass": 1e3}, tendons={"stiffness": 1e5}
+    ))[2]  # fmt: skip
+    assert all(mode.omega2 == 0 for mode in linear.modes)
+    report = tc.controllability(linear)
+    assert report.uncontrollable_modes == tuple(range(len(linear.modes)))
+    assert all("not stretched" in mode.reason for mode in report.modes)
+
+
 class TestHautus:
     def test_is_the_smallest_singular_value(self, mast):
         _, _, linear = mast

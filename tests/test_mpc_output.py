@@ -108,6 +108,19 @@ class TestModel:
         assert model.forces == 20
         assert model.shown.shape == (48, 48)
 
+    @pytest.mark.parametrize(("size", "force"), [(1e-3, 1.0), (1.0, 1e6), (1.0, 1e-6), (1e-3, 1e-3)])
+    def test_rank_margin_is_the_same_in_all_units(self, mast, eyes, size, force):
+        """A mast whose metre is `size` and whose newton is `force`, with sensors to match."""
+        dynamics, _, linear = solved(shell_scene(
+            pins=["P1_*_1"], radius=size, height=size, overlap=0.3 * size, rods={"mass": force / size},
+            tendons={"stiffness": 100 * force / size},
+        ))  # fmt: skip
+        small = tc.sensors(dynamics.structure, lengths=1e-4 * size, tensions=1e-2 * force)
+        model = disturbed(linear.flexible, small, DT)
+        model.verify()
+        assert model.forces == 20
+        assert model.rank_margin == pytest.approx(disturbed(mast[2].flexible, eyes, DT).rank_margin, rel=1e-9)
+
     def test_each_disturbance_shows_as_one_deviation_at_rest(self, mast, eyes):
         """They show in orthogonal directions of the sensors in units of noise."""
         model = disturbed(mast[2].flexible, eyes, DT)

@@ -120,7 +120,7 @@ def near_modes(linear: LinearModel, blur: float = 1.0) -> list[tuple[np.ndarray,
 def chains(omega2: Float[np.ndarray, " m"], rounding: float) -> list[tuple[np.ndarray, np.ndarray]]:
     """Indices of squared frequencies in chains of near ones, with their places over the resolution."""
     order = np.argsort(omega2, kind="stable")
-    sizes = np.maximum(np.abs(omega2[order]), rounding)
+    sizes = np.maximum(np.abs(omega2[order]), max(rounding, np.finfo(float).tiny))  # zeros are one place
     steps = np.maximum(np.diff(omega2[order]) - rounding, 0.0) / (2 * RESOLUTION * sizes[1:])
     places = np.concatenate([[0.0], np.cumsum(steps)])[: order.size]
     cuts = np.flatnonzero(steps > APART) + 1

@@ -81,11 +81,15 @@ class Disturbed:
 
     @cached_property
     def rank_margin(self) -> float:
-        """Least over largest singular value of [F - 1, B_d; C, C_d], rows of sensors in units of their noise."""
+        """Least over largest singular value of [F - 1, B_d; C, C_d], sensors and states in units of the sensors' noise.
+
+        A state counts as many deviations as it shows at most, so that the margin is the same in all units.
+        """
         nx = len(self.sampled.F)
-        noise = self.sensors.noise[:, None]
-        top = np.hstack([self.sampled.F - np.eye(nx), self.after])
-        values = np.linalg.svd(np.vstack([top, self.H / noise]), compute_uv=False)
+        C, C_d = self.C / self.sensors.noise[:, None], self.shown / self.sensors.noise[:, None]
+        size = np.linalg.norm(C, 2) or 1.0  # sensors that no state moves say nothing of states' units
+        top = np.hstack([self.sampled.F - np.eye(nx), size * self.after])
+        values = np.linalg.svd(np.vstack([top, np.hstack([C / size, C_d])]), compute_uv=False)
         return float(values[-1] / values[0])
 
     @cached_property
