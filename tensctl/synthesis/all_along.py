@@ -10,14 +10,14 @@ with inertia, for which time is the better remedy.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tensctl.errors import SynthesisError
 from tensctl.statics import Equilibrium
 from tensctl.synthesis.legs import Leg
-from tensctl.synthesis.pace import refuse_faster, too_quick
+from tensctl.synthesis.pace import ABOVE, refuse_faster, room_factor, too_quick
 from tensctl.synthesis.path import ShapePath
 from tensctl.synthesis.shape import ShapeProblem
 from tensctl.synthesis.shape_limits import Asked, ShapeLimits
@@ -28,6 +28,9 @@ _ROUNDS = 12
 # A plan that lacks so many times more than the best is no way out: more tension at a shape bends the way, and inertia
 # of a bent way takes more again. Floors of 9 N from a start with 3 pass through seven times as much, and are kept.
 _WORSE = 10.0
+# Longer durations that are tried before a path is refused as too quick, each a few seconds for a mast, and the largest
+# factor from what inertia takes that is tried first: larger ones are of floors that act all the way.
+_LONGER, _SURE = 6, 4.0
 # Values of features that differ by less, m, are the same: where a leg begins, every plan meets them to rounding.
 _SAME = 1e-9
 
@@ -50,11 +53,39 @@ def plan_all_along(legs: tuple[Leg, ...], start: Equilibrium, asked: Asked, rate
     if lack:
         raise SynthesisError(f"{lack.said()}, {cannot}; {asked.remedy(start)}.")
     slow = lack.path
-    plan, lack = _mended(plan, legs, asked, whole, moving=True)
+    _, lack = _mended(plan, legs, asked, whole, moving=True)
     if lack:
-        in_words = f"{lack.said()} as it moves, {cannot}; allow more time."
-        raise SynthesisError(too_quick(slow, asked.tension_min) or in_words)
+        allow = _time_that_does(plan, lack, asked, whole, rate_max)
+        in_words = f"{lack.said()} as it moves, {cannot}; allow {allow or 'more time'}."
+        raise SynthesisError(too_quick(slow, asked.tension_min, allow) or in_words)
     return _in_time(lack.path, rate_max, asked)
+
+
+def _time_that_does(
+    slow: _Plan, lack: Lack, asked: Asked, whole: tuple[ShapeLimits, ...], rate_max: float | None
+) -> str | None:
+    """Durations with which a plan can be mended as it moves, in words, found by trying; None where none was found.
+
+    What inertia takes of a plan that is not mended says too much where a floor acts all the way, and too little where
+    it acts at a place that is not looked at for that.
+    """
+    given = legs = lack.path.legs
+    factor = ABOVE * room_factor(slow.path(given), given[lack.leg], asked.tension_min)
+    for trial in range(_LONGER):
+        legs = _longer(legs, lack.leg, factor if trial == 0 and ABOVE < factor <= _SURE else 2.0)
+        lack = _mended(slow, legs, asked, whole, moving=True)[1]
+        if not lack and (rate_max is None or lack.path.fastest <= rate_max):
+            changed = [leg for leg, before in zip(legs, given, strict=True) if leg.duration > before.duration]
+            return " and ".join(f"{leg.duration:g} s or more" + f" in {leg.key}" * (len(legs) > 1) for leg in changed)
+    return None
+
+
+def _longer(legs: tuple[Leg, ...], k: int, factor: float) -> tuple[Leg, ...]:
+    """Legs of which one takes so many times as long, to three digits."""
+    duration = float(f"{factor * legs[k].duration:.3g}")
+    later = duration - legs[k].duration
+    after = (replace(leg, start=leg.start + later) for leg in legs[k + 1 :])
+    return (*legs[:k], replace(legs[k], duration=duration), *after)
 
 
 def _limits_of(legs: tuple[Leg, ...], start: Equilibrium, whole: ShapeLimits) -> tuple[ShapeLimits, ...]:

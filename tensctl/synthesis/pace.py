@@ -19,7 +19,7 @@ from tensctl.synthesis.target import Feature, Linear
 _MOMENTS = 201
 _LONGEST = 1e3
 # Times that are told are a little longer, lest three digits are too few.
-_ABOVE = 1.005
+ABOVE = 1.005
 # Moments between which power is the mean, and how near the time that would do is found.
 _FINE, _CLOSE = 2001, 1.0005
 # Room below this part of the largest tension is none.
@@ -37,7 +37,7 @@ def refuse_faster(path: ShapePath, rate_max: float, tension_min: float = 0.0) ->
     for leg in path.legs:
         fastest = path.fastest_of(leg)
         if fastest > rate_max:
-            needed = f"{_ABOVE * leg.duration * fastest / rate_max:.3g}"
+            needed = f"{ABOVE * leg.duration * fastest / rate_max:.3g}"
             raise SynthesisError(
                 f"{leg.key}.duration = {leg.duration:g} s makes a rest length change at {fastest:.3g} m/s, above "
                 f"rate_max = {rate_max:g} m/s; allow {needed} s or more"
@@ -68,7 +68,7 @@ def refuse_stronger(path: ShapePath, power_max: float) -> None:
         label = path.target.potential.members.gearing.labels[motor]
         raise SynthesisError(
             f"{leg.key}.duration = {leg.duration:g} s asks {asked.max():.3g} W of actuator {label} at {t[at]:.2f} s, "
-            f"above actuators.power_max = {power_max:g} W; allow {_ABOVE * high * leg.duration:.3g} s or more."
+            f"above actuators.power_max = {power_max:g} W; allow {ABOVE * high * leg.duration:.3g} s or more."
         )
 
 
@@ -114,25 +114,39 @@ def _as_it_is(feature: Feature, nodes: np.ndarray) -> str:
     return f"nodes.{kind} = [{', '.join(f'{value:.6g}' for value in nodes[node])}]"
 
 
-def too_quick(path: ShapePath, tension_min: float) -> str | None:
-    """The first leg whose motion takes a tension below its floor, and what time would do; None where none does."""
-    kept = ~path.target.structure.grounded_tendons
-    labels = np.array(path.target.structure.tendon_labels)[kept]
+def too_quick(path: ShapePath, tension_min: float, allow: str | None = None) -> str | None:
+    """The first leg whose motion takes a tension below its floor, and what time would do; None where none does.
+
+    The time is `allow`, or else that with which inertia would take what room there is.
+    """
+    labels = np.array(path.target.structure.tendon_labels)[~path.target.structure.grounded_tendons]
     for leg in path.legs:
-        t = leg.start + leg.duration * np.linspace(0, 1, _MOMENTS)
-        rest, moving = path.balanced_tensions_at(t)[:, kept], path.tensions_at(t)[:, kept]
-        room, taken = rest - tension_min, rest - moving
-        tight = room > _NONE * rest.max(initial=1e-300)  # a floor that rest itself does not keep says nothing of pace
-        factor = np.sqrt(np.max(taken[tight] / room[tight], initial=0.0))
+        t, moving, tight, factor = _taken(path, leg, tension_min)
         if factor > 1 + 1e-6:
             at, tendon = np.unravel_index(np.where(tight, moving, np.inf).argmin(), moving.shape)
-            remedy = f"allow {leg.duration * factor:.3g} s or more" if factor < _LONGEST else "raise the prestress"
+            allow = allow or f"{leg.duration * factor:.3g} s or more"
+            remedy = f"allow {allow}" if factor < _LONGEST else "raise the prestress"
             return (
                 f"{leg.key}.duration = {leg.duration:g} s is quick for this prestress: inertia would take "
                 f"{labels[tendon]} to {_told_below(moving[at, tendon], tension_min)} N at {t[at]:.2f} s, below "
                 f"{tension_min:g} N; {remedy}{_tighten_first(path, leg, tension_min)}."
             )
     return None
+
+
+def room_factor(path: ShapePath, leg: Leg, tension_min: float) -> float:
+    """How many times as long a leg has to take for inertia to leave tensions above their floor; 1 or less: it does."""
+    return _taken(path, leg, tension_min)[-1]
+
+
+def _taken(path: ShapePath, leg: Leg, tension_min: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Moments of a leg, tensions in motion, which of them have room at rest, and the factor that the time lacks."""
+    kept = ~path.target.structure.grounded_tendons
+    t = leg.start + leg.duration * np.linspace(0, 1, _MOMENTS)
+    rest, moving = path.balanced_tensions_at(t)[:, kept], path.tensions_at(t)[:, kept]
+    room, taken = rest - tension_min, rest - moving
+    tight = room > _NONE * rest.max(initial=1e-300)  # a floor that rest itself does not keep says nothing of pace
+    return t, moving, tight, float(np.sqrt(np.max(taken[tight] / room[tight], initial=0.0)))
 
 
 def _told_below(value: float, floor: float) -> str:

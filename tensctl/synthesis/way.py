@@ -74,6 +74,12 @@ class Lack:
         """Largest lack over its size."""
         return max(self._worst_of(way) for way in self.ways)
 
+    @property
+    def leg(self) -> int:
+        """The leg on which most is lacking."""
+        ways = np.cumsum([leg.steps for leg in self.path.legs])
+        return int(np.searchsorted(ways, np.argmax([self._worst_of(way) for way in self.ways]), side="right"))
+
     def asked_more(self, limits: tuple[ShapeLimits, ...]) -> tuple[ShapeLimits, ...]:
         """Limits of all shapes, tighter by what they and the ways beside lack; the first is as it is.
 
