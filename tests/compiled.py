@@ -58,6 +58,12 @@ class Compiled:
         assert self.last.outcome == outcome
         return outcome, u
 
+    def numbers(self, name, count):
+        """So many that a function of the source points at."""
+        function = self._c[name]
+        function.restype = ctypes.POINTER(ctypes.c_double)
+        return np.array(function()[:count])
+
     @property
     def last(self):
         return self._c.tensctl_last()

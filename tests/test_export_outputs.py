@@ -57,20 +57,16 @@ def test_commands_are_those_of_python(mast, soft, tmp_path):
 
 
 def test_bounded_searches_begin_at_the_last_plan(mast, tmp_path, monkeypatch):
-    """With a tenth of the work for searches, both end at the same commands, though C keeps its plan by itself.
-
-    Python's second search, from constant rates, which C does not have, is left out.
-    """
+    """With a tenth of the work for searches, both end at the same commands, though C keeps its plan by itself."""
     from tensctl.synthesis import qp_primal
 
     monkeypatch.setattr(qp_primal, "_WORK", 2e6)
-    monkeypatch.setattr(qp_primal, "FAR", np.inf)
     both = Both(*made(mast, tmp_path))
-    start = random_motion(mast[1].potential, np.random.default_rng(1), 0.01, 0.25)
+    start = random_motion(mast[1].potential, np.random.default_rng(1), 0.015, 0.35)
     tc.simulate(mast[0], start, controller=both, t_end=1.0, rate_max=RATE)
     bounded = np.array(both.outcomes) == BOUNDED
     said = np.array([status.endswith("bounded") for status in both.statuses])
-    assert 5 < said.sum() < 45
+    assert 3 < said.sum() < 45
     assert (bounded != said).sum() <= 1  # C bounds its dual search too
     assert np.array(both.differences)[bounded == said].max() < SAME
 

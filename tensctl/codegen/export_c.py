@@ -58,7 +58,7 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
     path : path
         A file `NAME.c`, or a folder that exists, for `controller.c`; the header stands beside it.
     max_iterations : int, optional
-        Most changes of the active set in each of the two searches of an MPC's step, ten times its unknowns by default;
+        Most changes of the active set in each search of an MPC's step, ten times its unknowns by default;
         as in Python, multiplications are bounded too.
 
     Raises

@@ -4,7 +4,8 @@
 
 x is what is given: state and inputs when the command begins to act, and what is wanted. M is block Toeplitz, so its
 first block column is all of it, kept by rows and by rates. B = (1, M) G^-1 (1, M)', what a force on a limit moves, is
-kept as its lower triangle; bounds need no table.
+kept as its lower triangle; bounds need no table. Where rates are constant in parts of the horizon, a beginning for
+bounded searches (`synthesis.constant_rates`), tensions move by differences of the column's running sums.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import scipy.linalg as sla
 
 from tensctl.codegen.literals import Table, lower_triangle, number
 from tensctl.errors import OutputError
-from tensctl.synthesis import dual, qp_dual, qp_primal
+from tensctl.synthesis import bordered, dual, qp_dual, qp_primal
+from tensctl.synthesis.constant_rates import ConstantRates
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.relaxed import relax
 
@@ -26,9 +28,11 @@ _SAME = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class ProblemTables:
-    """Tables of a problem, and the C initialiser of its `struct problem`."""
+    """Tables of a problem, and the C initialisers of its `struct problem` and of those with constant rates."""
 
     initialiser: str
+    rough_name: str
+    rough: tuple[str, ...]
     tables: tuple[Table, ...]
 
 
@@ -53,7 +57,7 @@ def problem_tables(
     stages : int
         N.
     patient : bool
-        Whether floors give way only where it is proven that they cannot be kept.
+        Whether floors give way only where it is proven that they cannot be kept, and no search begins again.
 
     Raises
     ------
@@ -78,10 +82,45 @@ def problem_tables(
     )
     work = qp_primal.bounds(n, stages)[0]
     many, astray = (len(rows), np.inf) if patient else (qp_dual.usual_room(n), dual.ASTRAY)
-    numbers = [str(stages), str(f_from.shape[1]), str(tension_from.shape[1])]
-    numbers += [number(value) for value in (curvature, price, np.abs(H.diagonal()).max(), work)]
-    numbers += [str(many), number(astray)]
-    return ProblemTables("{" + ", ".join([*numbers, *(table.name for table in tables)]) + "}", tables)
+    members = {
+        "stages": stages, "floors": len(rows) - n, "given": f_from.shape[1], "seen": tension_from.shape[1],
+        "curvature": curvature, "price": price, "largest": np.abs(H.diagonal()).max(), "work": work, "many": many,
+        "astray": astray,
+    } | {table.name.removesuffix(suffix): table.name for table in tables}  # fmt: skip
+    if patient:
+        return ProblemTables(_initialiser(members), "", (), tables)
+    form = bordered.Form(
+        tables[0].values, rows[: len(rows) - n], summed(rows[: len(rows) - n].T, stages), curvature, stages
+    )
+    name = f"rough_problems{suffix}"
+    rough, more = _rough(form, column, suffix, work)
+    return ProblemTables(_initialiser(members | {"rough": name}), name, rough, (*tables, *more))
+
+
+def _rough(
+    form: bordered.Form, column: np.ndarray, suffix: str, work: float
+) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+    """Initialisers of problems with constant rates, each of which names the next, and their tables."""
+    blocks = column.reshape(form.stages, -1, column.shape[1])
+    sums = Table(f"tension_sums{suffix}", blocks.cumsum(axis=0).reshape(column.shape).T, "running sums of its blocks")
+    tables, found = [sums], []
+    wanted = [(parts, share) for parts, share in qp_primal.PARTS if parts <= form.stages]
+    for parts, share in wanted:
+        evenly = ConstantRates(form, parts).form
+        tables.append(Table(f"G_{parts}{suffix}", evenly.G, "G where rates are constant in parts of the horizon"))
+        members = {
+            "stages": parts, "floors": len(column), "curvature": evenly.curvature, "price": form.stages / parts,
+            "work": share * work, "G": tables[-1].name, "tension_by_rate": sums.name,
+        }  # fmt: skip
+        following = {"rough": f"rough_problems{suffix} + {len(found) + 1}"} if len(found) + 1 < len(wanted) else {}
+        found.append(_initialiser(members | following))
+    return tuple(found), tuple(tables)
+
+
+def _initialiser(members: dict[str, float | str]) -> str:
+    """In C, member by member; those that are left out are zero."""
+    told = (f".{name} = {value if isinstance(value, int | str) else number(value)}" for name, value in members.items())
+    return "{" + ", ".join(told) + "}"
 
 
 def summed(slopes: np.ndarray, stages: int) -> np.ndarray:

@@ -60,6 +60,12 @@ class Basis(NamedTuple):
 
 
 @jit
+def stage_of(form: Form, row: int) -> int:
+    """Stage of a tension row; stage s has the rows from s r // stages on, which need not be equally many."""
+    return ((row + 1) * form.stages - 1) // form.rows.shape[0]
+
+
+@jit
 def _coupling(form: Form, a: int, b: int) -> float:
     """Entry of the matrix of the basis, a <= b."""
     n, r = form.by_rate.shape
@@ -74,7 +80,7 @@ def _coupling(form: Form, a: int, b: int) -> float:
     if row < r:
         if a < n:
             return form.rows[row, a]
-        return 1.0 if a - n == row * form.stages // r else 0.0
+        return 1.0 if a - n == stage_of(form, row) else 0.0
     row -= r
     nu = n // form.stages
     return 1.0 if a <= row and (row - a) % nu == 0 else 0.0

@@ -20,7 +20,7 @@ from tensctl.synthesis.bordered import Form
 # and held floors no better (`docs/decisions.md`).
 PARTS = ((1, 0.25), (2, 0.5))
 # Wrong multipliers over the largest slope: a beginning needs no more.
-_TOL = 1e-9
+TOL = 1e-9
 
 
 class ConstantRates:
@@ -32,6 +32,11 @@ class ConstantRates:
         Of all stages.
     parts : int
         Of the horizon, at most its stages.
+
+    Attributes
+    ----------
+    form : Form
+        Of the parts.
     """
 
     def __init__(self, form: Form, parts: int) -> None:
@@ -40,7 +45,7 @@ class ConstantRates:
         self._long = np.diff(self._starts, append=form.stages)
         halfway = self._spread(form.G)
         G, by_rate = self._spread(np.ascontiguousarray(halfway.T)), self._spread(form.by_rate)
-        self._form = Form(
+        self.form = Form(
             0.5 * (G + G.T), np.ascontiguousarray(by_rate.T), by_rate, form.curvature * form.stages / parts, parts
         )  # fmt: skip
 
@@ -76,7 +81,7 @@ class ConstantRates:
         )
         ends = near.reshape(self._stages, nu)[self._starts + self._long - 1]
         room = 2 * self._long.size * (nu + 1)
-        x = primal.search(self._form, asked, (ends - now).ravel(), room, _TOL, work)[1]
+        x = primal.search(self.form, asked, (ends - now).ravel(), room, TOL, work)[1]
         rates = x[: lower.size].reshape(-1, nu) / self._long[:, None]
         return (now + np.repeat(rates, self._long, axis=0).cumsum(axis=0)).ravel()
 

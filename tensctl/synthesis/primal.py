@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tensctl.jit import jit
-from tensctl.synthesis.bordered import Basis, Form, enter, leave
+from tensctl.synthesis.bordered import Basis, Form, enter, leave, stage_of
 
 FREE, HELD, LOWER, UPPER = 0, 2, -1, 1
 # How the search ended.
@@ -395,7 +395,7 @@ def _pushes(form: Form, point: Point, basis: Basis, m: int, sol: np.ndarray, pus
         if row < r:
             for j in range(n):
                 push[j] += sol[k] * form.rows[row, j]
-            push[n + row * form.stages // r] += sol[k]
+            push[n + stage_of(form, row)] += sol[k]
         else:
             for j in range((row - r) % nu, row - r + 1, nu):
                 push[j] += sol[k]

@@ -54,7 +54,7 @@ static void begin_afresh(void)
 {
     memcpy(self.value, self.unlimited, sizeof self.unlimited);
     for (int k = 0; k < self.count; k++) {
-        add_scaled(self.inputs_from, self.force[self.basis[k]], self.rows[k], self.value);
+        add_scaled(self.inputs_from, self.force[self.basis[k]], self.room.rows[k], self.value);
     }
     for (int k = 0; k < self.count; k++) {
         int e = self.basis[k];
@@ -63,7 +63,7 @@ static void begin_afresh(void)
     times_inverse(self.column, self.turned);
     for (int k = 0; k < self.count; k++) {
         self.force[self.basis[k]] += self.turned[k];
-        add_scaled(self.inputs_from, self.turned[k], self.rows[k], self.value);
+        add_scaled(self.inputs_from, self.turned[k], self.room.rows[k], self.value);
     }
 }
 
@@ -102,7 +102,7 @@ static void push_values(double push)
 {
     memcpy(self.change, self.own, sizeof self.own);
     for (int k = 0; k < self.count; k++) {
-        add_scaled(self.inputs_from, -self.turned[k], self.rows[k], self.change);
+        add_scaled(self.inputs_from, -self.turned[k], self.room.rows[k], self.change);
     }
     add_scaled(self.inputs_from, push, self.change, self.value);
 }
@@ -143,13 +143,13 @@ static int push_back(int p, double out, double *done)
             if (self.count == DUAL_ROOM) {
                 return GIVEN_UP;
             }
-            memcpy(self.rows[self.count], self.own, sizeof self.own);
+            memcpy(self.room.rows[self.count], self.own, sizeof self.own);
             border(p, curvature);
             return SOLVED;
         }
         self.force[self.basis[leaves]] = 0.0;
         reduce(leaves);
-        memmove(self.rows[leaves], self.rows[self.count], sizeof self.own);
+        memmove(self.room.rows[leaves], self.room.rows[self.count], sizeof self.own);
     }
 }
 

@@ -1,5 +1,12 @@
 {% include "problem.c" %}
 
+/* A problem with its point; slope and tensions where inputs stay as they are. */
+struct aside {
+    const struct problem *problem;
+    double gradient[MOST_ENTRIES], lower[MOST_ENTRIES], upper[MOST_ENTRIES], value[MOST_ENTRIES];
+    double slope[MOST_VARIABLES], tension[MOST_FLOORS];
+};
+
 static struct {
     struct tensctl_report report;
     int begun, planned; /* whether there was a step, and a plan */
@@ -29,9 +36,15 @@ static struct {
     double value[MOST_ENTRIES], force[MOST_ENTRIES], slope[MOST_ENTRIES], push[MOST_ENTRIES];
     double change[MOST_ENTRIES], slope_change[MOST_ENTRIES], own[MOST_KNOWN];
 
-    /* The basis, the inverse of its matrix, the sides on which entries are, and what the limits in a dual one move. */
+    /* The basis, the inverse of its matrix, and the sides on which entries are. */
     int count, basis[ROOM], side[MOST_ENTRIES];
-    double inverse[ROOM][ROOM], column[ROOM], turned[ROOM], way[ROOM], rows[DUAL_ROOM][MOST_KNOWN];
+    double inverse[ROOM][ROOM], column[ROOM], turned[ROOM], way[ROOM];
+
+    /* What the limits in a dual basis move; after that search a problem that is set aside. */
+    union {
+        double rows[DUAL_ROOM][MOST_KNOWN];
+        struct aside aside;
+    } room;
 } self;
 
 {% include "rows.c" %}
@@ -131,7 +144,7 @@ static void plan_anew(const struct problem *problem)
     for (int k = 0; k < MOST_VARIABLES; k++) {
         self.guess[k] = self.plan[k] - self.about[k + INPUTS];
     }
-    int ended = solved(self.guess);
+    int ended = solved(self.guess, self.given + STATES);
     if (ended == GIVEN_UP) {
         keep_plan();
     }

@@ -21,8 +21,6 @@ static const int circles = << search.circles >>;
 static const double at_limit = << number(search.at_limit) >>, no_way = 1e-13;
 /* Of a pivot with nothing coupled: what is less is zero. */
 static const double no_pivot = << number(search.no_pivot) >>;
-/* Over the largest slope: a push in a wrong direction that is none. */
-static const double wrong_push = << number(search.wrong_push) >>;
 
 static double own_curvature(int e)
 {
@@ -36,12 +34,7 @@ static double row_at(int row, int e)
         int last = row - self.inputs_from;
         return e <= last && (last - e) % INPUTS == 0;
     }
-    int stage = (row - self.variables) / TENSIONS, i = (row - self.variables) % TENSIONS;
-    if (e >= self.slacks_from) {
-        return e - self.slacks_from == stage;
-    }
-    int apart = stage - e / INPUTS;
-    return apart < 0 ? 0.0 : self.problem->tension_rows[(apart * TENSIONS + i) * INPUTS + e % INPUTS];
+    return e < self.variables ? tension_at(row, e) : e - self.slacks_from == stage_of(row);
 }
 
 /* Entry of the matrix of the basis. */
@@ -107,11 +100,11 @@ static int see_start(const double *guess, double range)
         self.value[j] = w;
         self.value[u] = before + w;
     }
-    memset(self.value + self.slacks_from, 0, HORIZON * sizeof self.value[0]);
+    memset(self.value + self.slacks_from, 0, (size_t)self.problem->stages * sizeof self.value[0]);
     see_values();
     for (int s = 0; s < self.problem->stages; s++) {
         double missing = 0.0;
-        for (int e = self.variables + s * TENSIONS; e < self.variables + (s + 1) * TENSIONS; e++) {
+        for (int e = first_row(s); e < first_row(s + 1); e++) {
             missing = larger(missing, self.lower[e] - self.value[e]);
         }
         self.side[self.slacks_from + s] = missing > 0.0 ? FREE : LOWER;
@@ -146,7 +139,7 @@ static void see_first_basis(double range)
     for (int s = 0; s < self.problem->stages; s++) {
         int tightest = -1;
         double gap = at_limit * range;
-        for (int e = self.variables + s * TENSIONS; e < self.variables + (s + 1) * TENSIONS; e++) {
+        for (int e = first_row(s); e < first_row(s + 1); e++) {
             if (self.value[e] - self.lower[e] < gap) {
                 gap = self.value[e] - self.lower[e];
                 tightest = e;
@@ -348,7 +341,7 @@ static int let_go(int e, int place)
 }
 
 /* From the start to the optimum, or as far as the work reaches; slope, values and multipliers are those of the end. */
-static void improve(double range)
+static void improve(double range, double work, double wrong_push)
 {
     double scale = largest_of(self.variables, self.gradient), done = 4.0 / 3.0 * cube(self.count);
     int idle = 0, since = 0, checked = 0;
@@ -364,7 +357,7 @@ static void improve(double range)
             go(fraction);
         }
         idle = fraction * far <= no_way * range ? idle + 1 : 0;
-        if (idle > 2 * self.count + circles || done > self.problem->work || self.iterations >= MAX_ITERATIONS) {
+        if (idle > 2 * self.count + circles || done > work || self.iterations >= MAX_ITERATIONS) {
             return;
         }
         self.iterations++;
@@ -421,8 +414,9 @@ static void see_forces(void)
     }
 }
 
-/* Search from a guess of the inputs; GIVEN_UP where no rates keep all limits. */
-static int search_primal(const double *guess)
+/* Search from a guess of the inputs, with so many multiplications and wrong pushes of so much over the largest slope;
+ * GIVEN_UP where no rates keep all limits. */
+static int search_primal(const double *guess, double work, double wrong_push)
 {
     double range = 0.0;
     self.iterations = 0;
@@ -438,7 +432,7 @@ static int search_primal(const double *guess)
     }
     see_slope();
     see_first_basis(range);
-    improve(range);
+    improve(range, work, wrong_push);
     see_forces();
     return BOUNDED;
 }

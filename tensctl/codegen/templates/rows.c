@@ -1,4 +1,6 @@
-/* Rows without a matrix: by rates tensions are block Toeplitz, inputs are running sums. */
+/* Rows without a matrix. By rates, inputs are running sums and tensions block Toeplitz: a rate of stage j moves those of
+ * stage k by M_(k-j). An input that changes evenly over a part of the horizon, its stages j to l - 1, moves them by
+ *   (Q_(k-j) - Q_(k-l)) / (l - j),   Q_k = M_0 + ... + M_k */
 
 /* y += scale x, four at a time. */
 static void add_scaled(int n, double scale, const double *restrict x, double *restrict y)
@@ -29,6 +31,48 @@ static int is_row(int e)
     return e >= self.variables && e < self.slacks_from;
 }
 
+/* The problem that is meant from here on. */
+static void choose(const struct problem *problem)
+{
+    self.problem = problem;
+    self.variables = problem->stages * INPUTS;
+    self.inputs_from = self.variables + problem->floors;
+    self.slacks_from = self.inputs_from + self.variables;
+    self.entries = self.slacks_from + problem->stages;
+}
+
+/* First tension row of a stage; a part of the horizon may end within a control period. */
+static int first_row(int stage)
+{
+    return self.variables + stage * self.problem->floors / self.problem->stages;
+}
+
+/* Stage of a tension row. */
+static int stage_of(int row)
+{
+    return ((row - self.variables + 1) * self.problem->stages - 1) / self.problem->floors;
+}
+
+/* First control period of a part of the horizon. */
+static int part_begins(int part)
+{
+    return (part * HORIZON + self.problem->stages - 1) / self.problem->stages;
+}
+
+/* Entry of a tension row at a rate. */
+static double tension_at(int row, int e)
+{
+    int i = row - self.variables, stage = e / INPUTS, input = e % INPUTS;
+    if (self.problem->tension_rows != NULL) {
+        i -= stage * TENSIONS;
+        return i < 0 ? 0.0 : self.problem->tension_rows[i * INPUTS + input];
+    }
+    int from = part_begins(stage), to = part_begins(stage + 1);
+    const double *sums = self.problem->tension_by_rate + input * self.problem->floors;
+    double before = i < to * TENSIONS ? 0.0 : sums[i - to * TENSIONS];
+    return i < from * TENSIONS ? 0.0 : (sums[i - from * TENSIONS] - before) / (to - from);
+}
+
 /* y += scale times the row of a tension or an input. */
 static void add_row(int row, double scale, double *y)
 {
@@ -39,12 +83,31 @@ static void add_row(int row, double scale, double *y)
         }
         return;
     }
-    int stage = (row - self.variables) / TENSIONS, i = (row - self.variables) % TENSIONS;
-    for (int j = 0; j <= stage; j++) {
-        const double *block = self.problem->tension_rows + ((stage - j) * TENSIONS + i) * INPUTS;
-        add_scaled(INPUTS, scale, block, y + j * INPUTS);
+    y[self.slacks_from + stage_of(row)] += scale;
+    if (self.problem->tension_rows == NULL) {
+        for (int e = 0; e < self.variables; e++) {
+            y[e] += scale * tension_at(row, e);
+        }
+        return;
     }
-    y[self.slacks_from + stage] += scale;
+    for (int i = row - self.variables; i >= 0; i -= TENSIONS, y += INPUTS) {
+        add_scaled(INPUTS, scale, self.problem->tension_rows + i * INPUTS, y);
+    }
+}
+
+/* Tensions move with a rate. */
+static void add_tensions(int e, double by, double *tension)
+{
+    int stage = e / INPUTS, floors = self.problem->floors;
+    const double *column = self.problem->tension_by_rate + (e % INPUTS) * floors;
+    if (self.problem->tension_rows != NULL) {
+        add_scaled(floors - stage * TENSIONS, by, column, tension + stage * TENSIONS);
+        return;
+    }
+    int from = part_begins(stage) * TENSIONS, to = part_begins(stage + 1) * TENSIONS;
+    by /= part_begins(stage + 1) - part_begins(stage);
+    add_scaled(floors - from, by, column, tension + from);
+    add_scaled(floors - to, -by, column, tension + to);
 }
 
 /* Values of all entries move with a rate or a slack. */
@@ -52,17 +115,14 @@ static void add_moved(int e, double by, double *value)
 {
     value[e] += by;
     if (e < self.variables) {
-        int stage = e / INPUTS, stages = self.problem->stages;
-        const double *column = self.problem->tension_by_rate + (e % INPUTS) * stages * TENSIONS;
-        add_scaled((stages - stage) * TENSIONS, by, column, value + self.variables + stage * TENSIONS);
+        add_tensions(e, by, value + self.variables);
         for (int j = e; j < self.variables; j += INPUTS) {
             value[self.inputs_from + j] += by;
         }
         return;
     }
-    double *tension = value + self.variables + (e - self.slacks_from) * TENSIONS;
-    for (int i = 0; i < TENSIONS; i++) {
-        tension[i] += by;
+    for (int i = first_row(e - self.slacks_from); i < first_row(e - self.slacks_from + 1); i++) {
+        value[i] += by;
     }
 }
 

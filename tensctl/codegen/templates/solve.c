@@ -1,28 +1,27 @@
 static const double fine = << number(fine) >>; /* largest KKT residual of an answer whose floors give way */
+/* Over the largest slope: a push in a wrong direction that is none, at an optimum and where to begin. */
+static const double wrong_push = << number(search.wrong_push) >>, roughly = << number(search.roughly) >>;
+static const double far_off = << number(far_off) >>; /* a bounded answer with a larger KKT residual begins again */
+static const double once_more = << number(once_more) >>; /* part of the work for the search that does */
 static const double astray = << number(astray) >>; /* a rate further out has lost its way among pivots near nothing, m */
 
 /* State a problem whose floors are hard: slope at no rates, minimum without limits, floors. The caller bounds rates and
  * inputs. */
 static void pose(const struct problem *problem, const double *given, const double *margin)
 {
-    self.problem = problem;
+    choose(problem);
     self.relaxed = 0;
-    self.variables = problem->stages * INPUTS;
-    self.inputs_from = self.variables + problem->stages * TENSIONS;
-    self.slacks_from = self.inputs_from + self.variables;
-    self.entries = self.slacks_from + problem->stages;
     memset(self.gradient, 0, sizeof self.gradient);
     memset(self.value, 0, sizeof self.value);
     add_product(self.variables, problem->given, 1.0, problem->slope_from, given, self.gradient);
     add_product(self.variables, problem->given, 1.0, problem->optimum_from, given, self.value);
     see_values();
     memcpy(self.unlimited, self.value, sizeof self.unlimited);
-    for (int k = 0; k < problem->stages * TENSIONS; k++) {
+    for (int k = 0; k < problem->floors; k++) {
         self.lower[self.variables + k] = -margin[k];
         self.upper[self.variables + k] = HUGE_VAL;
     }
-    add_product(problem->stages * TENSIONS, problem->seen, -1.0, problem->tension_from, given,
-                self.lower + self.variables);
+    add_product(problem->floors, problem->seen, -1.0, problem->tension_from, given, self.lower + self.variables);
     for (int s = 0; s < problem->stages; s++) {
         self.lower[self.slacks_from + s] = 0.0;
         self.upper[self.slacks_from + s] = HUGE_VAL;
@@ -42,8 +41,26 @@ static void relax_problem(void)
     }
 }
 
-/* Solve the hard problem, then from the guess the relaxed one. */
-static int solved(const double *guess)
+/* Search the relaxed problem from a guess, with so many multiplications. */
+static int searched(const double *guess, double work)
+{
+    int ended = search_primal(guess, work, wrong_push);
+    self.report.iterations += self.iterations;
+    for (int j = 0; j < self.variables; j++) {
+        ended = outside(j) > astray ? GIVEN_UP : ended;
+    }
+    if (ended == GIVEN_UP) {
+        return GIVEN_UP;
+    }
+    self.report.kkt = kkt_residual();
+    return self.report.kkt <= fine ? SOLVED : BOUNDED;
+}
+
+{% include "constant_rates.c" %}
+
+/* Solve the hard problem; else the relaxed one from the guess, and once more from constant rates where its answer is far
+ * from the optimum. A problem without inputs `now` before its first stage has no such beginning. */
+static int solved(double *guess, const double *now)
 {
     int ended = search_dual();
     self.report.iterations += self.iterations;
@@ -55,14 +72,9 @@ static int solved(const double *guess)
     }
     relax_problem();
     self.report.kkt = -1.0;
-    ended = search_primal(guess);
-    self.report.iterations += self.iterations;
-    for (int j = 0; j < self.variables; j++) {
-        ended = outside(j) > astray ? GIVEN_UP : ended;
+    ended = searched(guess, self.problem->work);
+    if (ended == BOUNDED && self.report.kkt > far_off && self.problem->rough != NULL) {
+        return searched_again(guess, now);
     }
-    if (ended == GIVEN_UP) {
-        return GIVEN_UP;
-    }
-    self.report.kkt = kkt_residual();
-    return self.report.kkt <= fine ? SOLVED : BOUNDED;
+    return ended;
 }

@@ -22,7 +22,7 @@ static void aim(void)
         self.lower[self.inputs_from + i] = -HUGE_VAL; /* of one stage rates are inputs */
         self.upper[self.inputs_from + i] = HUGE_VAL;
     }
-    if (solved(self.target + STATES) != GIVEN_UP && self.report.kkt <= accept) {
+    if (solved(self.target + STATES, NULL) != GIVEN_UP && self.report.kkt <= accept) {
         memset(self.target, 0, sizeof self.target);
         for (int i = 0; i < INPUTS; i++) {
             self.target[STATES + i] = clipped(self.value[i], target_lower[i], target_upper[i]);
