@@ -31,12 +31,13 @@ def mast(lag):
 
 
 def designs(dynamics, rest, path):
-    """The same three controllers, for these dynamics."""
+    """The same four controllers, for these dynamics."""
     linear, start = tc.linearize(dynamics, path.target), tc.linearize(dynamics, rest)
     eyes = tc.sensors(dynamics.structure, lengths=1e-4, tensions=0.01)
     return {
         "scheduled LQR": tc.scheduled_lqr(path, dynamics, lambda one: tc.lqr(one, dt=DT)),
         "MPC, N = 20": tc.MPC(linear, horizon=20, dt=DT, path=path),
+        "nonlinear MPC, N = 10": tc.NonlinearMPC(dynamics, path, horizon=10, dt=DT),
         "MPC from sensors, N = 20": tc.OutputMPC(start, eyes, horizon=20, dt=DT, path=path),
     }
 

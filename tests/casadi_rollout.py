@@ -1,6 +1,8 @@
 """A plan rolled out by CasADi: the symbolic model's own Runge-Kutta steps, differentiated by algorithm, state by state.
 
 x_(k+1) = F(x_k, u_k, u_(k+1)),   dx_(k+1) = F_x dx_k + F_0 du_k + F_1 du_(k+1)
+
+Where actuators lag, u are commands and the rest-length changes that follow them are the last of x.
 """
 
 import casadi as ca
@@ -12,37 +14,55 @@ from tensctl.synthesis.rollout import Rollout
 _ROUNDS = 3
 
 
-def rolled_out(dynamics, dt, steps, nodes, velocities, now, plan):
+def rolled_out(dynamics, dt, steps, nodes, velocities, now, plan, *, lag=0.0, commands=None):
     """What `tensctl.synthesis.rollout` gives of the same plan, in as many steps a period."""
     (N, nu), x = plan.shape, dynamics.pack(nodes, velocities)
-    period, stretch, place = _period(dynamics, dt, steps), _stretch(dynamics), _shown(dynamics)
+    period, stretch, place = _period(dynamics, dt, steps, lag), _stretch(dynamics), _shown(dynamics)
+    motion, asked = x.size, now if commands is None else commands
+    if lag:
+        x = np.concatenate([x, now])
     dx, before, found = np.zeros((x.size, plan.size)), np.zeros((nu, plan.size)), []
-    for u, last, now_by in zip(plan, [now, *plan[:-1]], np.eye(plan.size).reshape(N, nu, -1), strict=True):
+    for u, last, now_by in zip(plan, [asked, *plan[:-1]], np.eye(plan.size).reshape(N, nu, -1), strict=True):
         x, *by = (np.array(part) for part in period(x, last, u))
         dx = by[0] @ dx + by[1] @ before + by[2] @ now_by
-        stretches, *by = (np.array(part) for part in stretch(x, u))
-        nodes, velocities = dynamics.unpack(x.ravel())
-        both = np.array([place @ half for half in np.split(dx, 2)]).reshape(2, -1, 3, plan.size)
-        found.append((nodes, velocities, stretches.ravel(), both, by[0] @ dx + by[1] @ now_by))
+        there, there_by = (x[motion:].ravel(), dx[motion:]) if lag else (u, now_by)
+        stretches, *by = (np.array(part) for part in stretch(x[:motion], there))
+        nodes, velocities = dynamics.unpack(x[:motion].ravel())
+        both = np.array([place @ half for half in np.split(dx[:motion], 2)]).reshape(2, -1, 3, plan.size)
+        stretch_by = by[0] @ dx[:motion] + by[1] @ there_by
+        found.append((nodes, velocities, stretches.ravel(), both, stretch_by, there, there_by[0, ::nu]))
         before = now_by
-    return Rollout(*(np.array(part) for part in zip(*found, strict=True)))
+    found = [np.array(part) for part in zip(*found, strict=True)]
+    return Rollout(*(found if lag else found[:5]))
 
 
 def _symbols(dynamics):
     return [ca.MX.sym(name, dynamics.f.size1_in(k)) for k, name in enumerate("xu")]
 
 
-def _period(dynamics, dt, steps):
+def _period(dynamics, dt, steps, lag):
     """One period's end and its derivatives by the state and by the inputs at both its ends."""
     x, first = _symbols(dynamics)
-    last, h, none, at = ca.MX.sym("last", first.shape[0]), dt / steps, np.zeros(dynamics.f.size1_in(2)), x
+    motion, nu, h, none = x.shape[0], first.shape[0], dt / steps, np.zeros(dynamics.f.size1_in(2))
+    y, last = ca.MX.sym("y", motion + nu if lag else motion), ca.MX.sym("last", nu)
+    at, begun = y[:motion], y[motion:]
+
+    def inputs(part):
+        """tau u' = c - u, c straight: behind it by tau c' but for what dies out."""
+        asked = first + (last - first) * part
+        if not lag:
+            return asked
+        behind = lag / dt * (last - first)
+        return asked - behind + ca.exp(-part * dt / lag) * (begun - first + behind)
+
     for n in range(steps):
-        u = [first + (last - first) * (n + part) / steps for part in (0, 0.5, 0.5, 1)]
+        u = [inputs((n + part) / steps) for part in (0, 0.5, 0.5, 1)]
         k = [dynamics.f(at, u[0], none)]
         for part, between in zip((0.5, 0.5, 1), u[1:], strict=True):
             k.append(dynamics.f(at + part * h * k[-1], between, none))
         at = _closed(dynamics, _tidy(dynamics, at + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])))
-    return ca.Function("period", [x, first, last], [at, *(ca.jacobian(at, by) for by in (x, first, last))])
+    at = ca.vertcat(at, inputs(1)) if lag else at
+    return ca.Function("period", [y, first, last], [at, *(ca.jacobian(at, by) for by in (y, first, last))])
 
 
 def _tidy(dynamics, x):

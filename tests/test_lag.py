@@ -27,6 +27,13 @@ def mast():
     return at_rest()
 
 
+def predictive(mast, model, **asked):
+    dynamics, rest, linear = mast
+    if model == "linear":
+        return tc.MPC(linear, horizon=5, **asked)
+    return tc.NonlinearMPC(dynamics, rest, horizon=5, **asked)
+
+
 def eyes(dynamics):
     return tc.sensors(dynamics.structure, lengths=1e-4, tensions=0.01)
 
@@ -127,6 +134,8 @@ class TestLoops:
             lambda d, e, m: tc.MPC(m, horizon=10),
             lambda d, e, m: tc.MPC(m, horizon=10, delay=0.013),
             lambda d, e, m: tc.OutputMPC(m, eyes(d), horizon=10),
+            lambda d, e, m: tc.NonlinearMPC(d, e, horizon=10),
+            lambda d, e, m: tc.NonlinearMPC(d, e, horizon=10, delay=0.013),
         ],
     )
     def test_a_push_is_calmed(self, mast, design):
@@ -174,13 +183,14 @@ class TestLoops:
         speed = np.abs(np.diff(run.commands, axis=0)).max() / mpc.dt
         assert 0.099 < speed <= 0.1 * (1 + 1e-9)
 
-    def test_inputs_that_are_not_measured_follow_the_commands(self, mast):
+    @pytest.mark.parametrize("model", ["linear", "nonlinear"])
+    def test_inputs_that_are_not_measured_follow_the_commands(self, mast, model):
         """The controller carries the lag along: rest lengths that are never told change nothing of a run."""
-        dynamics, rest, linear = mast
+        dynamics, rest, _ = mast
 
         class Blind:
             def __init__(self):
-                self.mpc = tc.MPC(linear, horizon=5, delay=0.007)
+                self.mpc = predictive(mast, model, delay=0.007)
                 self.dt, self.delay = self.mpc.dt, self.mpc.delay
 
             def reset(self):
@@ -189,25 +199,29 @@ class TestLoops:
             def step(self, t, shown):
                 return self.mpc.step(t, replace(shown, inputs=np.full_like(shown.inputs, np.nan)))
 
-        told = tc.simulate(
-            dynamics, rest, controller=tc.MPC(linear, horizon=5, delay=0.007), t_end=1.0, pushes=[PUSH]
-        )  # fmt: skip
-        untold = tc.simulate(dynamics, rest, controller=Blind(), t_end=1.0, pushes=[PUSH])
+        told, untold = (
+            tc.simulate(dynamics, rest, controller=controller, t_end=1.0, pushes=[PUSH])
+            for controller in (predictive(mast, model, delay=0.007), Blind())
+        )
         assert np.abs(told.nodes - untold.nodes).max() < 1e-12
         assert np.ptp(told.inputs, axis=0).max() > 1e-3
 
-    def test_a_stored_run_goes_on_to_the_last_bit(self, mast, tmp_path):
-        dynamics, rest, linear = mast
-        whole = tc.simulate(dynamics, rest, controller=tc.MPC(linear, horizon=5), t_end=0.6, pushes=[PUSH])
+    @pytest.mark.parametrize("model", ["linear", "nonlinear"])
+    def test_a_stored_run_goes_on_to_the_last_bit(self, mast, tmp_path, model):
+        dynamics, rest, _ = mast
+        whole = tc.simulate(dynamics, rest, controller=predictive(mast, model), t_end=0.6, pushes=[PUSH])
 
-        class Tired(tc.MPC):
+        class Tired:
+            def __init__(self, mpc):
+                self.mpc, self.dt, self.tired = mpc, mpc.dt, True
+                self.reset, self.state, self.restore = mpc.reset, mpc.state, mpc.restore
+
             def step(self, t, measurement):
                 if t > 0.4 and self.tired:
                     raise KeyboardInterrupt
-                return super().step(t, measurement)
+                return self.mpc.step(t, measurement)
 
-        mpc, file = Tired(linear, horizon=5), tmp_path / "run.nc"
-        mpc.tired = True
+        mpc, file = Tired(predictive(mast, model)), tmp_path / "run.nc"
         with pytest.raises(KeyboardInterrupt):
             tc.simulate(dynamics, rest, controller=mpc, t_end=0.6, pushes=[PUSH], store=file, chunk=10)
         mpc.tired = False
@@ -266,8 +280,3 @@ class TestWhatIsSaid:
 
         with pytest.raises(tc.SynthesisError, match=r"lag by 0\.2 s, so a measurement needs commands"):
             tc.lqr(linear, dt=0.02).step(0.0, Bare())
-
-    def test_what_does_not_know_the_lag_refuses(self, mast):
-        dynamics, rest, _ = mast
-        with pytest.raises(tc.SynthesisError, match="nonlinear MPC counts on rest lengths that follow at once"):
-            tc.NonlinearMPC(dynamics, rest, horizon=3)

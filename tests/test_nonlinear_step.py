@@ -48,14 +48,30 @@ def test_derivatives_are_those_of_casadi(name, rng):
         assert np.abs(getattr(ours, part) - known).max() < 1e-12 * np.abs(known).max()
 
 
+@pytest.mark.parametrize("lag", [1e-3, 0.05, 2.0])
+@pytest.mark.parametrize("name", ["cables, pinned damped EA", "plane, joint, guide, cable"])
+def test_derivatives_behind_a_lag_are_those_of_casadi(name, lag, rng):
+    """Rest lengths that are elsewhere than commands, and follow all that the plan has asked for so far."""
+    dynamics = tc.build_dynamics(SCENES[name])
+    nodes, velocities = random_motion(dynamics.potential, rng, 0.05, 0.5)
+    now, commands = 0.02 * rng.standard_normal((2, dynamics.members.gearing.size))
+    plan = commands + np.cumsum(0.003 * rng.standard_normal((HORIZON, now.size)), axis=0)
+    roll = replace(rolling(dynamics, DT), lag=lag)
+    ours = roll(nodes, velocities, now, plan, commands=commands)
+    theirs = rolled_out(dynamics, DT, roll.steps, nodes, velocities, now, plan, lag=lag, commands=commands)
+    for part in ("nodes", "velocities", "stretches", "by_inputs", "stretch_by_inputs", "inputs", "inputs_by_plan"):
+        known = getattr(theirs, part)
+        assert np.abs(getattr(ours, part) - known).max() < 1e-12 * np.abs(known).max()
+
+
 class TestStatedInCvxpy:
     """The answer of a step is the optimum of the problem stated with states, about a plan that CasADi rolled out."""
 
     def agrees(self, controller, seen, relaxed):
         step = controller.linearised(0.0, seen)
         plan = step.plan + controller.reference.inputs_at(0.0)
-        roll = controller._roll
-        known = rolled_out(controller.dynamics, DT, roll.steps, seen.nodes, seen.velocities, seen.inputs, plan)
+        roll, shown = controller._roll, (seen.nodes, seen.velocities, seen.inputs, plan)
+        known = rolled_out(controller.dynamics, DT, roll.steps, *shown, lag=roll.lag, commands=seen.commands)
         (z, status, kkt), qp = answer(step.qp(), HORIZON), step.qp()
         soft, found = relax(qp, HORIZON), z.reshape(HORIZON, -1)
         price = (soft.f[-1], soft.H[-1, -1]) if relaxed else None
@@ -93,6 +109,16 @@ class TestStatedInCvxpy:
         dynamics, rest, _ = solved(SCENES["joints, guides, weight"], outputs=())
         controller = tc.NonlinearMPC(dynamics, rest, horizon=HORIZON)
         self.agrees(controller, disturbed(rest, 0.5), relaxed=False)
+
+    @pytest.mark.parametrize(("size", "relaxed"), [(0.5, False), (4.0, True)])
+    def test_actuators_with_lag(self, size, relaxed):
+        """Rest lengths are states beside the motion, weighed through tensions and at the end."""
+        dynamics, rest, _ = solved(shell_scene(pins=["P1_*_1"], actuators={"lag": 0.1}), outputs=())
+        weights = tc.Weights(outputs={"tensions": 0.5})
+        controller = tc.NonlinearMPC(dynamics, rest, horizon=HORIZON, weights=weights)
+        shift = 0.01 * np.random.default_rng(3).standard_normal((2, rest.inputs.size))
+        seen = replace(disturbed(rest, size), inputs=rest.inputs + shift[0], commands=rest.inputs + shift[1])
+        self.agrees(controller, seen, relaxed=relaxed)
 
     def test_stall_limits(self):
         scene = shell_scene(pins=["P1_*_1"], actuators={"force_max": 13.5})

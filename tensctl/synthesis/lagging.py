@@ -10,6 +10,7 @@ mechanics: a lag has no zeros, so each rest length can be brought to rest.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -77,6 +78,44 @@ def followed(
             behind = lag / seconds * (end - start)  # a rest length on the ramp stays by this behind
             inputs = end - behind + np.exp(-seconds / lag) * (inputs - start + behind)
     return inputs
+
+
+def followed_to_next(
+    lag: float, dt: float, delay: float, inputs: Float[np.ndarray, " nu"], commands: Iterable[np.ndarray]
+) -> Float[np.ndarray, " nu"]:
+    """Rest-length changes at the next sample, m.
+
+    Parameters
+    ----------
+    lag, dt, delay : float, s
+    inputs : (nu,) m
+        Rest-length changes at this one.
+    commands : three of (nu,) m
+        As they are now, at which the ramp under way ends after the delay, and at which that of a period then does.
+    """
+    now, before, command = commands
+    share = 1 - delay / dt  # of the last ramp that the next sample sees
+    there = before + share * (command - before)
+    return followed(lag, inputs, ((delay, now, before), (share * dt, before, there)))
+
+
+def followed_along(
+    lag: float, dt: float, parts: Float[np.ndarray, " p"], now: Float[np.ndarray, " n"],
+    commands: Float[np.ndarray, "N+1 n"],
+) -> Float[np.ndarray, "N p n"]:  # fmt: skip
+    """What follows commands that ramp through periods, at parts of each; `parts` end with 1.
+
+    Without lag, the commands themselves. Exact for any lag: what is left of a ramp in a period far shorter than the
+    lag is no difference of large numbers.
+    """
+    p = parts[:, None]
+    if not lag:
+        return (1.0 - p) * commands[:-1, None] + p * commands[1:, None]
+    gone, found = np.expm1(-p * dt / lag), []
+    for start, end in pairwise(commands):
+        found.append(now + gone * (now - start) + (p + lag / dt * gone) * (end - start))
+        now = found[-1][-1]
+    return np.array(found)
 
 
 def _with_lag(cost: Cost) -> Cost:

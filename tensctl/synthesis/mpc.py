@@ -23,7 +23,7 @@ from tensctl.model.tensions import tensions_at
 from tensctl.scene import MpcStage
 from tensctl.synthesis.condensed import Condensed, condense, stiffness_spread
 from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
-from tensctl.synthesis.lagging import commands_along, commands_now, followed
+from tensctl.synthesis.lagging import commands_along, commands_now, followed_to_next
 from tensctl.synthesis.limits import Ahead, Limits
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.mpc_weights import Weights
@@ -213,10 +213,8 @@ class MPC:
         before = now if self._command is None or not self.delay else self._command
         self._plan, self._command = plan, self.hard.kept(plan[0], before)
         if self.linear.lag:
-            share = 1 - self.delay / self.dt  # of the ramp to the new command that the next sample sees
-            there = before + share * (self._command - before)
-            asked = ((self.delay, now, before), (share * self.dt, before, there))
-            self._followed = followed(self.linear.lag, inputs, asked)
+            asked = now, before, self._command
+            self._followed = followed_to_next(self.linear.lag, self.dt, self.delay, inputs, asked)
         self.records.append(record)
         return self._command
 

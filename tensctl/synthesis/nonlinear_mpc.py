@@ -7,6 +7,8 @@ The rollout is that of the nonlinear structure, with exact rods and slack tendon
 of `tc.MPC` up to the square of the deviation; far from it no linear model of one place is asked. With `iterations` > 1
 a step repeats roll-out and QP, up to the optimum of the nonlinear problem.
 
+Where actuators lag, the plan is one of commands, and rest lengths follow it in the rollout and in the cost.
+
 Hard limits hold always. Tension floors that cannot all be kept give way by as little as possible, and the step says by
 how much. Without an acceptable answer the shifted plan goes on.
 """
@@ -27,6 +29,7 @@ from tensctl.scene import MpcStage
 from tensctl.statics import Equilibrium
 from tensctl.synthesis.feedback import Measured
 from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
+from tensctl.synthesis.lagging import commands_along, commands_now, followed_to_next
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.nonlinear_problem import Bounds, Linearised, Measure
 from tensctl.synthesis.qp import QP
@@ -77,7 +80,7 @@ class NonlinearMPC:
     SceneError
         A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        Actuators with lag, no input, a mode beyond the Nyquist frequency that is refused, a motion too fast for the
+        No input, a mode beyond the Nyquist frequency that is refused, a motion too fast for the
         period, or no solution of the terminal Riccati equation.
     """
 
@@ -105,11 +108,6 @@ class NonlinearMPC:
             raise SynthesisError(f"iterations is {iterations}; a whole number, at least 1, is expected.")
         if not dynamics.members.gearing.size:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
-        if dynamics.members.lag:
-            raise SynthesisError(
-                f"the actuators lag by {dynamics.members.lag:g} s, and nonlinear MPC counts on rest lengths that "
-                "follow at once; take linear MPC, or a scene without actuators.lag."
-            )
         self.dynamics, self.iterations = dynamics, int(iterations)
         self._modes: Fast = modes
         self.horizon, self.dt, self.delay = asked.horizon, asked.dt, asked.delay
@@ -122,19 +120,23 @@ class NonlinearMPC:
         self._measures: dict[int, Measure] = {}
         self._states: dict[tuple[int, float], np.ndarray] = {}
         self._plan: np.ndarray | None = None
+        self._followed: np.ndarray | None = None
         self.records: list[NonlinearRecord] = []
         for knot in range(len(self.reference.equilibria)):
             self._measure(knot)
+        self._driven = self.measure.linear.actuated
+        self._roll = replace(self._roll, lag=self._driven.lag)
         self._rehearse()
 
     def reset(self) -> None:
         """Forget the last plan and the records."""
-        self._plan = None
+        self._plan = self._followed = None
         self.records = []
 
     def state(self) -> dict[str, np.ndarray]:
-        """All that later steps depend on: the last plan (N, nu) m; nothing before the first."""
-        return {} if self._plan is None else {"plan": self._plan}
+        """All that later steps depend on: the last plan (N, nu) m, and with lag rest lengths; nothing before them."""
+        held = {"plan": self._plan, "followed": self._followed}
+        return {name: value for name, value in held.items() if value is not None}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Go on from the last plan; records begin anew.
@@ -146,11 +148,11 @@ class NonlinearMPC:
         """
         plan = plan_of(state, self.horizon, self.dynamics.members.gearing.size)
         self.reset()
-        self._plan = plan
+        self._plan, self._followed = plan, state.get("followed")
 
     @one_blas_thread()
     def step(self, t: float, measurement: Measured | None) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0 to be reached at t + delay + dt, m; hard limits always hold.
+        """Total rest-length change u from L0 to be asked for at t + delay + dt, m; hard limits always hold.
 
         A measurement that is None, holds NaN or fits no structure tells nothing: the last plan goes on, and before the
         first rest lengths stay.
@@ -158,43 +160,61 @@ class NonlinearMPC:
         Raises
         ------
         SynthesisError
-            A measurement whose arrays have another shape than this structure's.
+            A measurement whose arrays have another shape than this structure's, or with lag one without commands.
         """
         began, status = perf_counter(), "fallback"
         if measurement is not None:
             refuse_misshapen(self.dynamics.structure, self.dynamics.members.gearing.size, measurement)
-        now = self._inputs_now(t, measurement)
-        look = seen(self.dynamics.structure, measurement, now)
-        if self.delay and self._plan is not None:
-            now = self._plan[0]
+        asked = self._commands_now(t, measurement)
+        inputs = self._inputs_now(measurement, asked)
+        look = seen(self.dynamics.structure, measurement, inputs, asked)
+        now = asked if self._plan is None or not self.delay else self._plan[0]
         if look is None:
-            return self._no_measurement(t, now, began)
+            return self._no_measurement(t, inputs, (asked, now), began)
         plan, ahead, kkt, relaxed, change = self._shifted(t, now), self._ahead(t), np.nan, 0.0, 0.0
         for _ in range(self.iterations):
             step = self.linearised(t, look, plan)
             if not step.rollout.finite or (found := answer(step.qp(), self.horizon)) is None:
                 break
             z, status, kkt = found
-            asked = z.reshape(plan.shape)
-            relaxed = float((step.beyond(asked) * self._scale).max(initial=0.0))
-            better = self._kept(asked + ahead, now)
+            wished = z.reshape(plan.shape)
+            relaxed = float((step.beyond(wished) * self._scale).max(initial=0.0))
+            better = self._kept(wished + ahead, now)
             plan, change = better, float(np.abs(better - plan).max())
         status, relaxed = told(status, relaxed)
-        self._plan = plan
-        self.records.append(NonlinearRecord(t, status, perf_counter() - began, kkt, relaxed, change=change))
-        return plan[0]
+        record = NonlinearRecord(t, status, perf_counter() - began, kkt, relaxed, change=change)
+        return self._command_of(plan, inputs, (asked, now), record)
 
-    def _inputs_now(self, t: float, measurement: Measured | None) -> np.ndarray:
-        """Inputs as measured; where they were not, those of the last command."""
+    def _commands_now(self, t: float, measurement: Measured | None) -> np.ndarray:
+        """What was commanded until now, without lag inputs, as measured; where they were not, the last command."""
         believed = self.reference.inputs_at(t) if self._plan is None else self._plan[0]
+        return known_inputs(None if measurement is None else commands_now(self._driven, measurement), believed)
+
+    def _inputs_now(self, measurement: Measured | None, commands: np.ndarray) -> np.ndarray:
+        """Rest-length changes as measured; where they were not, as they follow the commands."""
+        if not self._driven.lag:
+            return commands
+        believed = commands if self._followed is None else self._followed
         return known_inputs(None if measurement is None else measurement.inputs, believed)
 
-    def _no_measurement(self, t: float, now: np.ndarray, began: float) -> np.ndarray:
-        """The last plan's next command; before there is a plan, rest lengths as they are."""
+    def _no_measurement(
+        self, t: float, inputs: np.ndarray, asked: tuple[np.ndarray, np.ndarray], began: float
+    ) -> np.ndarray:
+        """The last plan's next command; before there is a plan, commands as they are."""
+        now = asked[1]
         plan = np.tile(now, (self.horizon, 1)) if self._plan is None else np.vstack([self._plan[1:], self._plan[-1:]])
-        self._plan = self._kept(plan, now)
-        self.records.append(NonlinearRecord(t, "no measurement", perf_counter() - began, np.nan, 0.0))
-        return self._plan[0]
+        record = NonlinearRecord(t, "no measurement", perf_counter() - began, np.nan, 0.0)
+        return self._command_of(self._kept(plan, now), inputs, asked, record)
+
+    def _command_of(
+        self, plan: np.ndarray, inputs: np.ndarray, asked: tuple[np.ndarray, np.ndarray], record: NonlinearRecord
+    ) -> Float[np.ndarray, " nu"]:
+        """The first command of a plan within hard limits; `asked` is what was commanded, and is once it is computed."""
+        self._plan = plan
+        if self._driven.lag:
+            self._followed = followed_to_next(self._driven.lag, self.dt, self.delay, inputs, (*asked, plan[0]))
+        self.records.append(record)
+        return plan[0]
 
     def statement(self, t: float, measurement: Measured, plan: Float[np.ndarray, "N nu"]) -> QP:
         """The QP about a plan of total inputs, m; its variables are deviations from the reference."""
@@ -202,24 +222,29 @@ class NonlinearMPC:
 
     def linearised(self, t: float, measurement: Measured, plan: Float[np.ndarray, "N nu"] | None = None) -> Linearised:
         """What the QP about a plan of total inputs, m, is made from; without one, about that which a step begins at."""
-        nodes, velocities, now = self._when_it_acts(measurement)
+        nodes, velocities, inputs, now = self._when_it_acts(measurement)
         measure, plan = self._measure(self.reference.knot_at(t)), self._shifted(t, now) if plan is None else plan
-        rollout = self._roll(nodes, velocities, now, plan)
+        rollout = self._roll(nodes, velocities, inputs, plan, commands=now)
         return Linearised(measure, self._wanted(t), rollout, plan - self._ahead(t), self._bounds(t, now))
 
-    def _when_it_acts(self, measurement: Measured) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Nodes, velocities and inputs when the next command begins to act: the one under way is rolled out."""
-        nodes, velocities, now = measurement.nodes, measurement.velocities, measurement.inputs
+    def _when_it_acts(self, measurement: Measured) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Nodes, velocities, inputs and commands when the next command begins to act: the one under way is rolled out.
+
+        Without lag inputs are the commands.
+        """
+        nodes, velocities, inputs = measurement.nodes, measurement.velocities, measurement.inputs
+        now = commands_now(self._driven, measurement)
         if not self.delay:
-            return nodes, velocities, now
-        coming = now if self._plan is None else self._plan[0]
-        until = replace(self._roll, dt=self.delay)(nodes, velocities, now, coming[None], columns=False)
-        return until.nodes[0], until.velocities[0], coming
+            return nodes, velocities, inputs, now
+        coming, roll = now if self._plan is None else self._plan[0], replace(self._roll, dt=self.delay)
+        until = roll(nodes, velocities, inputs, coming[None], commands=now, columns=False)
+        return until.nodes[0], until.velocities[0], coming if until.inputs is None else until.inputs[0], coming
 
     def _wanted(self, t: float) -> Float[np.ndarray, "N nx"]:
         """States of the reference at the ends of the coming periods; all but the last were asked a period ago.
 
-        Where rods share nodes a state of a path takes 4 ms: joints are closed at three times.
+        Where actuators lag its rest-length changes stand beside them. Where rods share nodes a state of a path takes
+        4 ms: joints are closed at three times.
         """
         knot, asked = self.reference.knot_at(t), self.reference
         times = np.minimum(np.round(self._times(t), _TICK), getattr(asked, "ends", np.inf)).tolist()
@@ -228,7 +253,8 @@ class NonlinearMPC:
             (knot, s): known[knot, s] if (knot, s) in known else of(asked.nodes_at(s), asked.velocities_at(s))
             for s in times
         }
-        return np.array([self._states[knot, s] for s in times])
+        states = np.array([self._states[knot, s] for s in times])
+        return np.hstack([states, asked.inputs_at(self._times(t))]) if self._driven.lag else states
 
     def _bounds(self, t: float, now: np.ndarray) -> Bounds:
         members, ahead = self.dynamics.members, self._ahead(t)
@@ -261,7 +287,7 @@ class NonlinearMPC:
     def _rehearse(self) -> None:
         """State a problem at the reference's start and set up who is asked for it: no step waits for a kernel."""
         start, nodes = self._ahead(0.0), self.reference.nodes_at(0.0)
-        qp = self.statement(0.0, Seen(nodes, 0 * nodes, start[0]), start)
+        qp = self.statement(0.0, Seen(nodes, 0 * nodes, self.reference.inputs_at(0.0), commands=start[0]), start)
         PrimalSolver(qp.H, qp.A, self.horizon, soft=True)
 
     @property
@@ -290,8 +316,8 @@ class NonlinearMPC:
         return t + self.delay + self.dt * np.arange(1, self.horizon + 1)
 
     def _ahead(self, t: float) -> Float[np.ndarray, "N nu"]:
-        """Reference inputs at the ends of the coming periods."""
-        return self.reference.inputs_at(self._times(t))
+        """Reference inputs at the ends of the coming periods; where actuators lag, commands that lead to them."""
+        return commands_along(self.reference, self._times(t), self._driven.lag, self.dt)
 
     @property
     def measure(self) -> Measure:

@@ -7,6 +7,8 @@ from the reference in energy coordinates, as the nonlinear structure answers,
     hard    lower <= v <= upper,  |change of the total input| <= rate_max dt
     soft    force_max >= T >= tension_min,  T over the stiffness = stretch_k(v*) + s_k (v - v*),  at the ends of periods
 
+Where actuators lag, v are commands and the last of e are rest lengths, as the linear controller has them.
+
 A tendon that is slack where the plan leads keeps its row: its stretch is negative there, and s_k says how it gets taut.
 """
 
@@ -35,7 +37,8 @@ class Measure:
         The flexible model there: its energy coordinates measure the state.
     Q, R : weights of a stage
     P : (nx + nu, nx + nu)
-        Solution of the discrete Riccati equation of the linear model: cost beyond the horizon.
+        Solution of the discrete Riccati equation of the linear model: cost beyond the horizon. Where actuators lag,
+        here and in Q the states include rest lengths.
     riccati_residual : float
     """
 
@@ -48,8 +51,9 @@ class Measure:
     @classmethod
     def of(cls, linear: LinearModel, dt: float, weights: Weights) -> Measure:
         """The measure at a linear model's equilibrium."""
-        A, B = sample_ramped(linear.A, linear.B, dt).with_input_state()
-        Q, R = stage_weights(linear, dt, weights)
+        driven = linear.actuated
+        A, B = sample_ramped(driven.A, driven.B, dt).with_input_state()
+        Q, R = stage_weights(driven, dt, weights)
         terminal = terminal_weight(A, B, Q, R, weights)
         return cls(linear, Q, R, terminal.X, terminal.residual)
 
@@ -87,11 +91,11 @@ class Linearised:
     ----------
     measure : Measure
     wanted : (N, nx)
-        States of the reference at the ends of the periods.
+        States of the reference at the ends of the periods, where actuators lag with its rest-length changes.
     rollout : Rollout
         Of the plan.
     plan : (N, nu) m
-        Deviations from the reference.
+        Deviations from the reference, where actuators lag of commands.
     bounds : Bounds
     """
 
@@ -102,9 +106,22 @@ class Linearised:
     bounds: Bounds
 
     def states(self) -> tuple[Float[np.ndarray, "N nx"], Float[np.ndarray, "N nx columns"]]:
-        """Deviations from the reference's states where the plan leads, and slopes by nodes and velocities."""
+        """Deviations from the reference's states where the plan leads, and slopes by nodes and velocities.
+
+        Where actuators lag the last deviations are those of rest lengths; they have no such slopes.
+        """
         states, slopes = states_and_slopes(self.measure.linear, self.rollout.nodes, self.rollout.velocities)
+        if self.rollout.inputs is not None:
+            states = np.hstack([states, self.rollout.inputs])
         return states - self.wanted, slopes
+
+    def _with_inputs(self, k: int, S: Float[np.ndarray, "nx z"]) -> Float[np.ndarray, "n z"]:
+        """Slopes of the whole state at the end of period k by the plan so far, from those of the motion."""
+        (_, nu), count = self.plan.shape, S.shape[1]
+        rows = [S, np.eye(nu, count, count - nu)]
+        if self.rollout.inputs_by_plan is not None:
+            rows.insert(1, np.kron(self.rollout.inputs_by_plan[k, : k + 1], np.eye(nu)))
+        return np.vstack(rows)
 
     def cost(self, inputs: Float[np.ndarray, "N nu"]) -> float:
         """What the linearised problem charges for deviations of inputs, m."""
@@ -112,7 +129,8 @@ class Linearised:
         away = (inputs - self.plan).ravel()
         total, last = 0.0, len(inputs) - 1
         for k, (e, slope, v) in enumerate(zip(deviations, slopes, inputs, strict=True)):
-            there = np.append(e + slope @ (self.rollout.by_inputs[k].reshape(-1, away.size) @ away), v)
+            S, count = slope @ self.rollout.by_inputs[k].reshape(-1, away.size), (k + 1) * v.size
+            there = np.append(e, self.plan[k]) + self._with_inputs(k, S[:, :count]) @ away[:count]
             total += there @ (self.measure.P if k == last else self.measure.Q) @ there + v @ self.measure.R @ v
         return 0.5 * float(total)
 
@@ -127,13 +145,14 @@ class Linearised:
         (stages, nu), z, measure, bounds = self.plan.shape, self.plan.ravel(), self.measure, self.bounds
         H, f = np.kron(np.eye(stages), measure.R), np.zeros(z.size)
         deviations, slopes = self.states()
-        weighs_inputs = bool(measure.Q[deviations.shape[1] :].any())
+        motion = slopes.shape[1]
+        weighs_inputs = bool(measure.Q[motion:].any())
         for k in range(stages):
             count, last = (k + 1) * nu, k == stages - 1
             by_inputs = self.rollout.by_inputs[k].reshape(slopes.shape[2], -1)[:, :count]
-            e, S = deviations[k], slopes[k] @ by_inputs
+            e, S = deviations[k, :motion], slopes[k] @ by_inputs
             if last or weighs_inputs:
-                e, S = np.append(e, self.plan[k]), np.vstack([S, np.eye(nu, count, count - nu)])
+                e, S = np.append(deviations[k], self.plan[k]), self._with_inputs(k, S)
             pull = S.T @ (measure.P if last else measure.Q[: e.size, : e.size])
             H[:count, :count] += pull @ S
             f[:count] += pull @ (e - S @ z[:count])

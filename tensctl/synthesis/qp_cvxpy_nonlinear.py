@@ -3,6 +3,8 @@
     minimise  sum |(e, v)_k|_Q^2/2 + |v_k|_R^2/2 + |(e, v)_N|_P^2/2 + price give_k + curvature give_k^2/2
     e_k = e_k* + S_k X_k (v - v*),   s_k = s_k* + Y_k (v - v*),   side (s_k - limit) + give_k >= 0,   limits of v
 
+Where actuators lag the last of e are rest lengths, which follow commands input by input.
+
 It begins at the rollout and its derivatives X and Y and shares nothing with the condensed H, f and rows, so an error in
 condensing or in bounds shows as a difference of optima. Without a price nothing gives way. Lengths are counted in
 the largest change of a period and costs in that of the plan: left in metres and joules, Clarabel stops short of 1e-8.
@@ -44,10 +46,11 @@ def reference_step(
     (N, nu), bounds, measure, rollout = step.plan.shape, step.bounds, step.measure, step.rollout
     deviations, slopes = step.states()
     unit, effort = np.abs(bounds.change_upper).max(), np.sqrt(step.cost(step.plan) + _LEAST)
-    ratio, (Lq, Lp, Lr) = unit / effort, (root(M) for M in (measure.Q, measure.P, measure.R))
+    motion, ratio, (Lq, Lp, Lr) = slopes.shape[1], unit / effort, (root(M) for M in (measure.Q, measure.P, measure.R))
     v, e, stretch = cp.Variable((N, nu)), cp.Variable(deviations.shape), cp.Variable((N, bounds.tendons.size))
     give = np.zeros(N) if price is None else cp.Variable(N, nonneg=True)
-    away = cp.reshape(v - step.plan / unit, (N * nu,), order="C")
+    moved = v - step.plan / unit
+    away = cp.reshape(moved, (N * nu,), order="C")
     change = v - cp.vstack([np.zeros((1, nu)), v[:-1]])
     rules: list = [change >= bounds.change_lower / unit, change <= bounds.change_upper / unit, v <= bounds.upper / unit]
     held = np.isfinite(bounds.lower)
@@ -57,12 +60,14 @@ def reference_step(
     for k in range(N):
         by_inputs, by_stretch = rollout.by_inputs[k].reshape(-1, N * nu), rollout.stretch_by_inputs[k, bounds.tendons]
         rules += [
-            e[k] == deviations[k] / effort + ratio * (slopes[k] @ by_inputs) @ away,
+            e[k, :motion] == deviations[k, :motion] / effort + ratio * (slopes[k] @ by_inputs) @ away,
             stretch[k] == rollout.stretches[k, bounds.tendons] / unit + by_stretch @ away,
             cp.multiply(bounds.side, stretch[k] - bounds.limit / unit) + give[k] >= 0,
         ]
         weight = Lp if k == N - 1 else Lq
         cost += cp.sum_squares(weight @ cp.hstack([e[k], ratio * v[k]])) / 2 + cp.sum_squares(ratio * Lr @ v[k]) / 2
+    if rollout.inputs_by_plan is not None:
+        rules.append(e[:, motion:] == deviations[:, motion:] / effort + ratio * rollout.inputs_by_plan @ moved)
     if price is not None:
         cost += ratio / effort * price[0] * cp.sum(give) + ratio**2 * price[1] * cp.sum_squares(give) / 2
     statement = cp.Problem(cp.Minimize(cost), rules)

@@ -2,6 +2,9 @@
 
     q'' = a(q, q', L(t)),   L(t) = L0 - G u(t),   u(t) straight from u_k to u_(k+1) within a period
 
+Where actuators lag, commands go straight and u follows them, tau u' = c - u: at each stage a known linear function of u
+at the start and of all commands so far, whose weights depend on the stage and on how many periods ago each command was.
+
 Classical Runge-Kutta steps of equal length, rods put back to their lengths after each; the columns that go along are
 the derivative of these very steps, not of the motion that they approximate. Slack tendons carry nothing at any stage.
 Joints and guides push at every stage and are closed after each step, their columns along (`model.joint_columns`).
@@ -9,10 +12,11 @@ Joints and guides push at every stage and are closed after each step, their colu
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
@@ -26,6 +30,7 @@ from tensctl.model.kernel_columns import (
     stretch_columns,
     tidy_columns,
 )
+from tensctl.synthesis.lagging import followed_along
 
 # Phase of the fastest frequency in one step, rad: the error of a step is its fifth power over 120, 6e-4 of the fastest
 # mode's motion, and falls with the fourth power of the step.
@@ -46,6 +51,10 @@ class Rollout:
     by_inputs : (N, 2, K, 3, N nu)
         Derivatives of nodes and of velocities (1/s).
     stretch_by_inputs : (N, nt, N nu)
+    inputs : (N, nu) m, or None
+        Rest-length changes, where actuators lag behind the plan.
+    inputs_by_plan : (N, N), or None
+        Their derivatives by the commands of the plan, the same for each input.
     """
 
     nodes: Float[np.ndarray, "N K 3"]
@@ -53,6 +62,8 @@ class Rollout:
     stretches: Float[np.ndarray, "N nt"]
     by_inputs: Float[np.ndarray, "N 2 K 3 z"]
     stretch_by_inputs: Float[np.ndarray, "N nt z"]
+    inputs: Float[np.ndarray, "N nu"] | None = None
+    inputs_by_plan: Float[np.ndarray, "N N"] | None = None
 
     @property
     def finite(self) -> bool:
@@ -72,11 +83,14 @@ class Rolling:
         Period.
     steps : int
         Steps of a period.
+    lag : float, s
+        By which rest lengths are behind the plan.
     """
 
     dynamics: Dynamics
     dt: float
     steps: int
+    lag: float = 0.0
 
     @cached_property
     def _gear(self) -> Float[np.ndarray, "nt nu"]:
@@ -93,15 +107,23 @@ class Rolling:
         now: Float[np.ndarray, " nu"],
         plan: Float[np.ndarray, "N nu"],
         *,
+        commands: Float[np.ndarray, " nu"] | None = None,
         columns: bool = True,
     ) -> Rollout:
-        """Roll a plan (m, total changes at the ends of periods) out from a state and the inputs as they are now."""
+        """Roll a plan (m, total changes at the ends of periods) out from a state and the inputs as they are now.
+
+        Where actuators lag the plan is one of commands, and so are `commands` as they are now; without, `now`.
+        """
         dynamics, (periods, nu) = self.dynamics, plan.shape
-        rest = np.array([dynamics.members.shortened(u) for u in (now, *plan)])
+        asked = np.vstack([now if commands is None else commands, plan])
+        parts = np.arange(2 * self.steps + 1) / (2 * self.steps)
+        first, *ramps = (dynamics.members.shortened(u) for u in (now, *asked))
+        rest = followed_along(self.lag, self.dt, parts, first, np.array(ramps))
+        by_age = self._by_age(parts, periods)
         q, v = dynamics.rod_coordinates(nodes), dynamics.rod_coordinates(velocities)
         width = periods * nu if columns else 0
         room = column_room(dynamics.kernel, width)
-        size, nt = room.place.size, rest.shape[1]
+        size, nt = room.place.size, rest.shape[2]
         states, changes = np.zeros((periods, 2, size)), np.zeros((periods, 2, size, width))
         stretch, stretches = np.zeros((periods, nt)), np.zeros((periods, nt, width))
         load = dynamics.layout.spread(dynamics.members.forces).ravel()
@@ -110,7 +132,7 @@ class Rolling:
         if dynamics.tied:
             tie = np.zeros(dynamics.kernel.place[-1]), np.zeros(rows), np.zeros((rows, width))
         moved = _roll(
-            dynamics.kernel, q, v, rest, dynamics.members.rest_lengths, self._gear[:, : nu if columns else 0],
+            dynamics.kernel, q, v, rest, by_age, dynamics.members.rest_lengths, self._gear[:, : nu if columns else 0],
             self.dt / self.steps, self.steps, load, room, work, tie, states, changes, stretch, stretches,
         )  # fmt: skip
         shape = (periods, 2, size // 3, 3)
@@ -119,7 +141,21 @@ class Rolling:
             states, changes = states[:, :, dynamics.layout.place], changes[:, :, dynamics.layout.place]
         if not moved:
             states = np.full_like(states, np.nan)
-        return Rollout(states[:, 0], states[:, 1], stretch, changes, stretches)
+        found = Rollout(states[:, 0], states[:, 1], stretch, changes, stretches)
+        if not self.lag:
+            return found
+        inputs = followed_along(self.lag, self.dt, parts[-1:], now, asked)[:, 0]
+        return replace(found, inputs=inputs, inputs_by_plan=sla.toeplitz(by_age[-1], np.zeros(periods)))
+
+    def _by_age(self, parts: Float[np.ndarray, " p"], periods: int) -> Float[np.ndarray, "p ages"]:
+        """What is there, at parts of a period, of a unit that the plan asks for at the end of so many periods before.
+
+        Age 0 is the period whose end asks for it. Without lag all of it is gone two periods later.
+        """
+        ages = periods if self.lag else 2
+        asked = np.zeros((ages + 1, 1))
+        asked[1] = 1.0
+        return np.ascontiguousarray(followed_along(self.lag, self.dt, parts, np.zeros(1), asked)[:, :, 0].T)
 
 
 def rolling(dynamics: Dynamics, dt: float) -> Rolling:
@@ -142,17 +178,17 @@ def rolling(dynamics: Dynamics, dt: float) -> Rolling:
 
 
 @jit
-def _roll(data, q, v, rest, natural, gear, h, steps, load, room, work, tie, states, changes, stretch, stretches):
+def _roll(data, q, v, rest, aged, natural, gear, h, steps, load, room, work, tie, states, by_plan, stretch, stretches):
     """Move q and v through all periods; fill nodes, stretches and their columns at the end of each.
 
     False where joints or guides lock on the way. Without any, tie is None, and nothing of theirs is compiled.
     """
     still = np.zeros(data.first.size)
-    nu, width = gear.shape[1], changes.shape[3]
+    nu, width = gear.shape[1], by_plan.shape[3]
     dq, dv, dq_sum, dv_sum, dq_at, dv_at, da = work
     a, dL, length = np.zeros_like(q), np.zeros((gear.shape[0], width)), np.empty(gear.shape[0])
     for k in range(states.shape[0]):
-        count, begins = (k + 1) * nu, max(0, (k - 1) * nu)
+        count, begins = (k + 1) * nu, max(0, (k + 1 - aged.shape[1]) * nu)
         for n in range(steps):
             q_sum, v_sum, q_at, v_at = q.copy(), v.copy(), q.copy(), v.copy()
             _copy(dq, dq_sum, count)
@@ -160,8 +196,8 @@ def _roll(data, q, v, rest, natural, gear, h, steps, load, room, work, tie, stat
             _copy(dq, dq_at, count)
             _copy(dv, dv_at, count)
             for stage in range(4):
-                part = (n + (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)) / steps
-                _rest_at(rest, gear, k, part, nu, begins, length, dL)
+                part = 2 * n + (0 if stage == 0 else 2 if stage == 3 else 1)
+                _rest_at(rest[k, part], aged[part], gear, k, length, dL)
                 acceleration_columns(data, q_at, v_at, length, load, dq_at, dv_at, dL, begins, count, room, a, da)
                 if tie is not None and not tie_columns(data, q_at, dq_at, still, count, tie, a, da):
                     return False
@@ -185,10 +221,10 @@ def _roll(data, q, v, rest, natural, gear, h, steps, load, room, work, tie, stat
                 return False
         place_columns(data, q, dq, count, room.place, room.places)
         place_columns(data, v, dv, count, room.speed, room.speeds)
-        _rest_at(rest, gear, k, 1.0, nu, begins, length, dL)
+        _rest_at(rest[k, 2 * steps], aged[2 * steps], gear, k, length, dL)
         stretch_columns(data, length, natural, dL, begins, count, room, stretch[k], stretches[k])
         states[k, 0], states[k, 1] = room.place, room.speed
-        changes[k, 0, :, :count], changes[k, 1, :, :count] = room.places[:, :count], room.speeds[:, :count]
+        by_plan[k, 0, :, :count], by_plan[k, 1, :, :count] = room.places[:, :count], room.speeds[:, :count]
     return True
 
 
@@ -201,11 +237,11 @@ def _copy(source, target, count):
 
 
 @jit
-def _rest_at(rest, gear, k, part, nu, begins, length, dL):
-    """Fill the rest lengths some part into a period and their columns, those of the inputs at its two ends."""
+def _rest_at(rest, by_age, gear, k, length, dL):
+    """Fill the rest lengths at a stage of a period and their columns, those of the inputs that they still feel."""
+    nu = gear.shape[1]
     for t in range(length.size):
-        length[t] = (1.0 - part) * rest[k, t] + part * rest[k + 1, t]
-        for j in range(nu):
-            if k > 0:
-                dL[t, begins + j] = -(1.0 - part) * gear[t, j]
-            dL[t, k * nu + j] = -part * gear[t, j]
+        length[t] = rest[t]
+        for age in range(min(k + 1, by_age.size)):
+            for j in range(nu):
+                dL[t, (k - age) * nu + j] = -by_age[age] * gear[t, j]
