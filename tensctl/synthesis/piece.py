@@ -1,13 +1,15 @@
 """One linear model of a predictive controller: its condensed problem, and the solvers that answer it.
 
 The first solver is asked, its answer judged by its recomputed KKT residual, then the next one, in the order of
-`synthesis.qp_solvers`: the hard problem first, the one whose limits of tension give way after it.
+`synthesis.qp_solvers`: the hard problem first, the one whose limits of tension give way after it. Where an optimum
+gives way, one more search from there, at a price that only the impossible is worth, tells whether it has to.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from jaxtyping import Float
@@ -17,8 +19,13 @@ from tensctl.linear.propagate import Stretch, stretch
 from tensctl.synthesis.condensed import Condensed, stiffness_spread
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.qp import QP, Solution, Solver
+from tensctl.synthesis.qp_primal import FINE, PrimalSolver
 from tensctl.synthesis.qp_solvers import new_solver, order_of, quick_ones
-from tensctl.synthesis.relaxed import Relaxed
+from tensctl.synthesis.relaxed import DEAR, Relaxed
+from tensctl.synthesis.step_record import KEPT
+
+# Share of a search's work for the one that tells whether floors have to give way.
+_ONE_MORE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,10 +79,22 @@ class Piece:
             solution = self.ask(name, asked[soft], soft=soft)
             if (z := solution.usable) is not None:
                 plan = z[: hard.f.size].reshape(self.problem.horizon, -1)
-                said = " bounded" if solution.status == "bounded" else " relaxed" * soft
-                return plan, name + said, solution.kkt
+                if solution.status == "bounded":
+                    return plan, f"{name} bounded", solution.kkt
+                if not soft:
+                    return plan, name, solution.kkt
+                if limits.shortfall(self.problem, plan) > KEPT and (kept := self._kept(hard, plan)) is not None:
+                    return kept
+                return plan, f"{name} relaxed", solution.kkt
             infeasible = infeasible or solution.status == "infeasible"
         return None
+
+    def _kept(self, hard: QP, plan: Float[np.ndarray, "N nu"]) -> tuple[Float[np.ndarray, "N nu"], str, float] | None:
+        """The answer that keeps all limits, searched from one that gives way; nothing where there is none."""
+        searching = cast("PrimalSolver", self.solver("primal", soft=True))
+        asked = self.relaxed.problem(replace(hard, guess=plan.ravel()), DEAR)
+        found = self.relaxed.kept(hard, searching.solve(asked, _ONE_MORE))
+        return (found.z.reshape(plan.shape), "primal", found.kkt) if found.z is not None and found.kkt <= FINE else None
 
     @cached_property
     def spread(self) -> float:

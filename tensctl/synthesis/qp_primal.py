@@ -93,8 +93,8 @@ class PrimalSolver:
         rest = primal.Step(0 * wide, 0.0, -wide, wide, floors, -wide, wide)
         primal.search(self._form, rest, 0 * wide, 1, tol, 0.0)  # no control step should wait for the kernel
 
-    def solve(self, qp: QP) -> Solution:
-        """Solve with new f and bounds."""
+    def solve(self, qp: QP, share: float = 1.0) -> Solution:
+        """Solve with new f and bounds, within a share of the work; only with all of it a search may begin again."""
         soft = qp if self._relaxed is None else self._relaxed.problem(qp)
         n, r = self._form.by_rate.shape
         size = n + self._stages
@@ -103,8 +103,8 @@ class PrimalSolver:
             upper=soft.upper[size + r :], floor=soft.lower[size : size + r], low=soft.lower[:n], high=soft.upper[:n],
         )  # fmt: skip
         guess = np.zeros(n) if qp.guess is None else qp.guess
-        found = self._searched(qp, step, guess, self._work)
-        if found.status != "bounded" or found.kkt <= FAR or qp.start is None or not self._roughly:
+        found = self._searched(qp, step, guess, share * self._work)
+        if found.status != "bounded" or found.kkt <= FAR or share < 1.0 or qp.start is None or not self._roughly:
             return found
         now = qp.start[-(n // self._stages) :]
         for rough, share in self._roughly:

@@ -2,9 +2,10 @@
 
     minimise  z'Hz/2 + f'z + weight sum eps_k + small |eps|^2,   eps_k >= 0,   tension rows of stage k + eps_k >= floor
 
-It is asked when nobody answered the hard problem. Limits are kept where a newton of them costs less than the price;
-near the edge of what can be kept at all it costs more, and a little is given way though it need not be
-(docs/mpc.md). A stall limit is a floor turned about (`synthesis.condensed`), so its slack raises it.
+It is asked when nobody answered the hard problem. Limits are kept where a metre of them costs less than the price;
+near the edge of what can be kept at all it costs more. So an answer that gives way is the beginning of one more
+search, at a thousand times the price, and is only taken where that one gives way as well (`synthesis.piece`). A stall
+limit is a floor turned about (`synthesis.condensed`), so its slack raises it.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.synthesis.qp import QP
+from tensctl.synthesis.qp import QP, Solution, judged
 
-# The price of giving way over the steepest cost in sight. With 1e6 limits are kept up to the edge, but searches end
-# with KKT residuals of 2e-5 there, interior points with 4e-5.
-_PRICE = 1e3
+# The price of giving way over the steepest cost in sight, and the one that tells whether anything has to. At the
+# second one limits are kept up to 1e-6 of the edge; to begin with it leaves more searches unfinished, and interior
+# points end with KKT residuals of 4e-5.
+_PRICE, DEAR = 1e3, 1e6
 # Curvature on the slacks, over the largest of H: keeps the problem strictly convex. With 1e-3 DAQP cycled on one step
 # in three of a mast asked for 20 N in every tendon; with 1 on none, at the same relaxation.
 _CURVATURE = 1.0
@@ -60,12 +62,12 @@ class Relaxed:
         """Of each slack."""
         return float(self.H[-1, -1])
 
-    def problem(self, qp: QP) -> QP:
-        """The problem with slacks; it begins where the one without them does."""
+    def problem(self, qp: QP, steep: float = _PRICE) -> QP:
+        """The problem with slacks at a price over the steepest cost; it begins where the one without them does."""
         n, slacks = qp.f.size, self.horizon
         tensions = self.A.shape[0] - n
         largest = self.curvature / _CURVATURE
-        price = _PRICE * max(np.abs(qp.f).max(), 1e-3 * largest * np.abs(qp.lower[n + tensions :]).max())
+        price = steep * max(np.abs(qp.f).max(), 1e-3 * largest * np.abs(qp.lower[n + tensions :]).max())
         return QP(
             H=self.H,
             f=np.concatenate([qp.f, np.full(slacks, price)]),
@@ -75,6 +77,15 @@ class Relaxed:
             start=qp.start,
             guess=qp.guess,
         )
+
+    def kept(self, qp: QP, found: Solution) -> Solution:
+        """An answer as one without slacks: infeasible where it needs one, failed where it is no optimum."""
+        n = qp.f.size
+        if found.status != "solved" or found.z is None or found.y is None:
+            return judged(qp, None, None, "failed")
+        if found.z[n:].any():
+            return judged(qp, None, None, "infeasible")
+        return judged(qp, found.z[:n], np.delete(found.y, slice(n, n + self.horizon)), "solved")
 
 
 def relax(qp: QP, horizon: int) -> QP:

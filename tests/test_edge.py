@@ -1,0 +1,93 @@
+"""At the edge of what floors allow: kept on one side of it, given way on the other, by a linear programme's edge."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from support import random_motion, shell_scene, solved
+
+import tensctl as tc
+from tensctl.synthesis.qp_solvers import new_solver
+
+HORIZON, FLOOR = 6, 2.0
+
+
+class Thrown:
+    """The free (3,1) shell in a motion of one direction, and the speed up to which its floors can be kept."""
+
+    def __init__(self, seed):
+        _, rest, linear = solved(shell_scene())
+        self.rest = rest
+        self.mpc = tc.MPC(linear, horizon=HORIZON, tension_min=FLOOR)
+        velocities = random_motion(rest.potential, np.random.default_rng(seed), reach=0.0)[1]
+        self.velocities = velocities / np.abs(velocities).max()
+        self.edge = self._edge()
+
+    def at(self, speed):
+        rest = self.rest
+        look = tc.Measurement(rest.nodes, speed * self.velocities, rest.lengths, rest.tensions, rest.inputs)
+        return self.mpc.statement(0.0, look)
+
+    def _edge(self):
+        """The largest speed for which some plan keeps all limits: they are linear in plan and speed."""
+        still, fast = self.at(0.0)[2], self.at(1.0)[2]
+        rows = np.vstack([np.eye(still.f.size), still.A])
+        above, below = np.isfinite(still.lower), np.isfinite(still.upper)
+        sides = [
+            np.column_stack([-rows[above], fast.lower[above] - still.lower[above]]),
+            np.column_stack([rows[below], still.upper[below] - fast.upper[below]]),
+        ]
+        limits = np.concatenate([-still.lower[above], still.upper[below]])
+        cost = -np.eye(still.f.size + 1)[-1]
+        ranges = [(None, None)] * still.f.size + [(0.0, 100.0)]
+        fine = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+        return linprog(cost, np.vstack(sides), limits, bounds=ranges, method="highs-ds", options=fine).x[-1]
+
+
+@pytest.fixture(scope="module", params=[0, 3, 4, 9])
+def thrown(request):
+    return Thrown(request.param)
+
+
+def answered(thrown, part):
+    problem, limits, hard = thrown.at((1 + part) * thrown.edge)
+    plan, status, kkt = thrown.mpc.piece_at(0.0).answer(limits)
+    return plan, status, kkt, limits.shortfall(problem, plan), hard
+
+
+@pytest.mark.parametrize("inside", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
+def test_kept_whenever_they_can_be(thrown, inside):
+    """The optimum of the hard problem, whose multipliers grow to 1e5; a price of 600 alone gave 3e-3 N way."""
+    plan, _, kkt, shortfall, hard = answered(thrown, -inside)
+    assert shortfall < 1e-9
+    assert kkt < 1e-9
+    reference = new_solver("daqp", thrown.mpc.problem, soft=False, tol=1e-12).solve(hard)
+    assert reference.status == "solved"
+    # One metre of a floor costs 1e5 there: tolerances of 1e-12 m move the optimum by the square root of their cost.
+    assert hard.objective(plan.ravel()) == pytest.approx(hard.objective(reference.z), rel=1e-4)
+    assert np.abs(plan.ravel() - reference.z).max() < 3e-5
+
+
+@pytest.mark.parametrize("outside", [1e-5, 1e-3, 1e-1])
+def test_given_way_beyond(thrown, outside):
+    """What gives way is told, and no answer claims floors that no plan keeps."""
+    plan, status, kkt, shortfall, hard = answered(thrown, outside)
+    assert status in ("primal relaxed", "primal bounded")
+    assert kkt < 1e-9 or status == "primal bounded"
+    assert shortfall > 1e-6
+    held = hard.values(plan.ravel())
+    rates = slice(-hard.f.size, None)
+    assert (held[rates] >= hard.lower[rates] - 1e-12).all()
+    assert (held[rates] <= hard.upper[rates] + 1e-12).all()
+
+
+def test_a_step_says_so(thrown):
+    """The record of a step near the edge: no floor gave way, and nobody relaxed."""
+    speed = (1 - 1e-4) * thrown.edge
+    rest = thrown.rest
+    thrown.mpc.reset()
+    thrown.mpc.step(
+        0.0, tc.Measurement(rest.nodes, speed * thrown.velocities, rest.lengths, rest.tensions, rest.inputs)
+    )
+    record = thrown.mpc.records[-1]
+    assert record.relaxed == 0.0
+    assert record.status in ("dual", "primal")
