@@ -14,15 +14,16 @@ from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.qp import QP, Solution, judged
 
 # Most limits that may act: so many, or this part of the variables where that is more. At (8,4), 3040 variables, 300
-# take 0.14 s, 650 take 0.9 s and 1100 take 3 s.
-_ROOM, _PART = 110, 0.1
+# take 0.14 s, 650 take 0.9 s and 1100 take 3 s. Up to so few variables all of them may: what is left to the primal
+# search is there often ended by the bound on its work.
+_ROOM, _PART, _SMALL = 110, 0.1, 250
 # Largest violation, m, as of `synthesis.qp_daqp`.
 TOL = 1e-10
 
 
 def usual_room(variables: int) -> int:
     """Most limits that may act before a search gives up, where the caller asks for no more."""
-    return max(_ROOM, int(_PART * variables))
+    return variables if variables <= _SMALL else max(_ROOM, int(_PART * variables))
 
 
 class DualSolver:
