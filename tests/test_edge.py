@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from compiled import Compiled, flat
 from scipy.optimize import linprog
 from support import random_motion, shell_scene, solved
 
@@ -9,6 +10,7 @@ import tensctl as tc
 from tensctl.synthesis.qp_solvers import new_solver
 
 HORIZON, FLOOR = 6, 2.0
+_RELAXED = 1  # `TENSCTL_RELAXED` of the header
 
 
 class Thrown:
@@ -91,3 +93,25 @@ def test_a_step_says_so(thrown):
     record = thrown.mpc.records[-1]
     assert record.relaxed == 0.0
     assert record.status in ("dual", "primal")
+
+
+def test_c_source_keeps_them_too(thrown, tmp_path):
+    """Floors kept up to a millionth of the edge, given way beyond it, by the same commands as Python's."""
+    tc.export_c(thrown.mpc, tmp_path)
+    compiled = Compiled(tmp_path / "controller.c", len(thrown.mpc.linear.inputs))
+    rest = thrown.rest
+    for part in (-1e-3, -1e-4, -1e-6, 1e-3):
+        speed = (1 + part) * thrown.edge
+        look = tc.Measurement(
+            rest.nodes, speed * thrown.velocities, rest.lengths, rest.tensions, rest.inputs
+        )  # fmt: skip
+        thrown.mpc.reset()
+        compiled.reset()
+        wanted = thrown.mpc.step(0.0, look)
+        outcome, command = compiled.step(flat(look))
+        record = thrown.mpc.records[-1]
+        if record.status.endswith("bounded"):
+            continue
+        assert (outcome == _RELAXED) == (record.relaxed > 0.0) == (part > 0)
+        assert compiled.last.kkt < 1e-9
+        assert np.abs(command - wanted).max() < (1e-6 if part < 0 else 1e-8)

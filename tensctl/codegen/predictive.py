@@ -11,8 +11,19 @@ from tensctl.codegen.outputs import output_facts
 from tensctl.codegen.problem import problem_tables
 from tensctl.codegen.signals import signal_facts
 from tensctl.codegen.states import state_facts
-from tensctl.synthesis import MPC, Condensed, OutputMPC, bordered, constant_rates, dual, primal, qp_dual, qp_primal
-from tensctl.synthesis.piece import Piece
+from tensctl.synthesis import (
+    MPC,
+    Condensed,
+    OutputMPC,
+    bordered,
+    constant_rates,
+    dual,
+    primal,
+    qp_dual,
+    qp_primal,
+    relaxed,
+)
+from tensctl.synthesis.piece import ONE_MORE, Piece
 from tensctl.synthesis.qp import ACCEPT
 from tensctl.synthesis.step_record import KEPT
 
@@ -25,6 +36,7 @@ _ROOM = 250
 # Constants of the two searches; the others are Python's.
 _SEARCH = {
     "feasible": _FEASIBLE, "no_curvature": dual.NO_PIVOT, "few_free": primal.FEW, "fixed": primal.FIXED,
+    "given": primal.GIVEN,
     "no_move": primal.NO_MOVE, "drift": primal.DRIFT, "circles": primal.CIRCLES, "at_limit": primal.AT_LIMIT,
     "no_pivot": bordered.NO_PIVOT, "wrong_push": qp_primal.TOL, "roughly": constant_rates.TOL,
 }  # fmt: skip
@@ -66,7 +78,8 @@ def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
             ("DUAL_ROOM", min(variables, qp_dual.usual_room(variables)), "for a dual one"),
         ],
         "search": _SEARCH, "accept": ACCEPT, "fine": qp_primal.FINE, "astray": qp_primal.ASTRAY,
-        "far_off": qp_primal.FAR, "once_more": qp_primal._ONCE_MORE,
+        "far_off": qp_primal.FAR, "once_more": qp_primal.ONCE_MORE,
+        "dearer": relaxed.DEAR / relaxed.PRICE, "one_more": ONE_MORE,
         "floor_kept": KEPT,
     }  # fmt: skip
 

@@ -25,7 +25,7 @@ from tensctl.synthesis.relaxed import DEAR, Relaxed
 from tensctl.synthesis.step_record import KEPT
 
 # Share of a search's work for the one that tells whether floors have to give way.
-_ONE_MORE = 0.5
+ONE_MORE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class Piece:
         """The answer that keeps all limits, searched from one that gives way; nothing where there is none."""
         searching = cast("PrimalSolver", self.solver("primal", soft=True))
         asked = self.relaxed.problem(replace(hard, guess=plan.ravel()), DEAR)
-        found = self.relaxed.kept(hard, searching.solve(asked, _ONE_MORE))
+        found = self.relaxed.kept(hard, searching.solve(asked, ONE_MORE))
         return (found.z.reshape(plan.shape), "primal", found.kkt) if found.z is not None and found.kkt <= FINE else None
 
     @cached_property

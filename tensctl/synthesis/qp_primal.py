@@ -32,7 +32,7 @@ FINE = 1e-9
 # A bounded answer with a larger one is far from its optimum; after pushes to 20 N they have 6e-5 and less.
 FAR = 0.1
 # Part of the work for the search from constant rates: it makes their multipliers known and goes down a little.
-_ONCE_MORE = 0.1
+ONCE_MORE = 0.1
 # Most entries of the basis of a bounded search, or half the variables: the inverse then takes 1.3 MB, 18 MB at (8,4).
 _ROOM = 400
 # What passes a hard limit by more than this, m, has lost its way among pivots that are nearly nothing.
@@ -109,7 +109,7 @@ class PrimalSolver:
         now = qp.start[-(n // self._stages) :]
         for rough, share in self._roughly:
             guess = rough.plan(step, now, guess, share * self._work)
-        other = self._searched(qp, step, guess, _ONCE_MORE * self._work)
+        other = self._searched(qp, step, guess, ONCE_MORE * self._work)
         return min((found, other), key=lambda one: np.inf if one.z is None else qp.objective(one.z))
 
     def _searched(self, qp: QP, step: primal.Step, guess: Float[np.ndarray, " n"], work: float) -> Solution:

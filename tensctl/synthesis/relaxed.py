@@ -20,7 +20,7 @@ from tensctl.synthesis.qp import QP, Solution, judged
 # The price of giving way over the steepest cost in sight, and the one that tells whether anything has to. At the
 # second one limits are kept up to 1e-6 of the edge; to begin with it leaves more searches unfinished, and interior
 # points end with KKT residuals of 4e-5.
-_PRICE, DEAR = 1e3, 1e6
+PRICE, DEAR = 1e3, 1e6
 # Curvature on the slacks, over the largest of H: keeps the problem strictly convex. With 1e-3 DAQP cycled on one step
 # in three of a mast asked for 20 N in every tendon; with 1 on none, at the same relaxation.
 _CURVATURE = 1.0
@@ -62,7 +62,7 @@ class Relaxed:
         """Of each slack."""
         return float(self.H[-1, -1])
 
-    def problem(self, qp: QP, steep: float = _PRICE) -> QP:
+    def problem(self, qp: QP, steep: float = PRICE) -> QP:
         """The problem with slacks at a price over the steepest cost; it begins where the one without them does."""
         n, slacks = qp.f.size, self.horizon
         tensions = self.A.shape[0] - n

@@ -11,6 +11,8 @@ enum { LOWER = -1, FREE = 0, UPPER = 1, HELD = 2 };
 static const int few_free = << search.few_free >>;
 /* Of free curvature over its own: rows that act fix such a rate. */
 static const double fixed = << number(search.fixed) >>;
+/* The same of a slack, which a high price moves far. */
+static const double fixed_slack = << number(search.given) >>;
 /* Of the largest component: what is less does not move. */
 static const double no_move = << number(search.no_move) >>;
 /* Push on what is free, over the largest term that it is the sum of: the inverse is made anew. */
@@ -208,7 +210,7 @@ static double first_to_meet(double far, int *entry, int *place)
     for (int k = 0; k < self.count; k++) {
         int e = self.basis[k];
         if (is_row(e) || fabs(self.way[k]) <= no_move * far ||
-            self.inverse[k][k] * own_curvature(e) * fixed < 1.0) {
+            self.inverse[k][k] * own_curvature(e) * (e < self.variables ? fixed : fixed_slack) < 1.0) {
             continue;
         }
         double part = part_until(e, self.way[k]);

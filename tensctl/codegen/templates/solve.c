@@ -3,6 +3,8 @@ static const double fine = << number(fine) >>; /* largest KKT residual of an ans
 static const double wrong_push = << number(search.wrong_push) >>, roughly = << number(search.roughly) >>;
 static const double far_off = << number(far_off) >>; /* a bounded answer with a larger KKT residual begins again */
 static const double once_more = << number(once_more) >>; /* part of the work for the search that does */
+static const double dearer = << number(dearer) >>; /* price that tells whether floors have to give way, over the first */
+static const double one_more = << number(one_more) >>; /* part of the work for the search that asks */
 static const double astray = << number(astray) >>; /* a rate further out has lost its way among pivots near nothing, m */
 
 /* State a problem whose floors are hard: slope at no rates, minimum without limits, floors. The caller bounds rates and
@@ -58,8 +60,45 @@ static int searched(const double *guess, double work)
 
 {% include "constant_rates.c" %}
 
+static double largest_slack(void)
+{
+    return largest_of(self.problem->stages, self.value + self.slacks_from);
+}
+
+static void price_slacks(double factor)
+{
+    for (int s = 0; s < self.problem->stages; s++) {
+        self.gradient[self.slacks_from + s] *= factor;
+    }
+}
+
+/* From an optimum that gives way, search once more at a higher price: where that keeps every floor it answers the hard
+ * problem, elsewhere the optimum stays. */
+static void keep_floors(double *guess)
+{
+    struct aside *whole = &self.room.aside;
+    double kkt = self.report.kkt;
+    set_aside(whole);
+    for (int j = 0; j < self.variables; j++) {
+        guess[j] = self.value[j] + (j < INPUTS ? 0.0 : guess[j - INPUTS]);
+    }
+    price_slacks(dearer);
+    if (searched(guess, one_more * self.problem->work) == SOLVED && largest_slack() <= 0.0) {
+        self.relaxed = 0;
+        self.report.kkt = kkt_residual();
+        if (self.report.kkt <= fine) {
+            return;
+        }
+    }
+    self.relaxed = 1;
+    memcpy(self.gradient, whole->gradient, sizeof self.gradient);
+    memcpy(self.value, whole->value, sizeof self.value);
+    self.report.kkt = kkt;
+}
+
 /* Solve the hard problem; else the relaxed one from the guess, and once more from constant rates where its answer is far
- * from the optimum. A problem without inputs `now` before its first stage has no such beginning. */
+ * from the optimum, or at a higher price where the optimum gives way. A problem without inputs `now` before its first
+ * stage has neither. */
 static int solved(double *guess, const double *now)
 {
     int ended = search_dual();
@@ -75,6 +114,9 @@ static int solved(double *guess, const double *now)
     ended = searched(guess, self.problem->work);
     if (ended == BOUNDED && self.report.kkt > far_off && self.problem->rough != NULL) {
         return searched_again(guess, now);
+    }
+    if (ended == SOLVED && now != NULL && largest_slack() > 0.0) {
+        keep_floors(guess);
     }
     return ended;
 }
