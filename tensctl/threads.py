@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
-from threading import local
+from threading import Lock
+from typing import Any
 
 from threadpoolctl import ThreadpoolController
-
-_here = local()
 
 
 @cache
@@ -22,18 +21,49 @@ def _pools() -> ThreadpoolController:
     return ThreadpoolController()
 
 
+def _give_up_control() -> None:
+    """Let any thread set limits: since 3.8 threadpoolctl keeps that for the one that did so first."""
+    for library in _pools().lib_controllers:
+        getattr(library, "clear_controlling_thread", lambda: None)()
+
+
+class _Limit:
+    """The limit of the whole process: the first block that needs it sets it, the last one to leave takes it away.
+
+    OpenBLAS has one number of threads for all threads of Python: where each of these set and restored it by itself, it
+    would be lifted while another one still counts on it, and the last one would restore the limit that it found.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._blocks = Lock(), 0
+        self._set: Any = None
+
+    def enter(self) -> None:
+        with self._lock:
+            if not self._blocks:
+                self._set = _pools().limit(limits=1, user_api="blas")
+                _give_up_control()
+            self._blocks += 1
+
+    def leave(self) -> None:
+        with self._lock:
+            self._blocks -= 1
+            if not self._blocks:
+                self._set.restore_original_limits()
+                _give_up_control()
+
+
+_limit = _Limit()
+
+
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Run a block, or a decorated function, with one BLAS thread.
 
     A block inside another finds the limit set and costs nothing: to set it takes 40 us, a tenth of a control step.
     """
-    if getattr(_here, "limited", False):
+    _limit.enter()
+    try:
         yield
-        return
-    with _pools().limit(limits=1, user_api="blas"):
-        _here.limited = True
-        try:
-            yield
-        finally:
-            _here.limited = False
+    finally:
+        _limit.leave()

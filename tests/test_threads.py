@@ -1,4 +1,6 @@
-"""One BLAS thread for small matrices, however deep the blocks lie in each other."""
+"""One BLAS thread for small matrices, however deep the blocks lie in each other, in however many threads."""
+
+from threading import Event, Thread
 
 import pytest
 from threadpoolctl import threadpool_info
@@ -25,3 +27,25 @@ def test_the_limit_ends_with_an_error_too():
     assert threads() == before
     with one_blas_thread():
         assert threads() == {1}
+
+
+def test_the_last_of_two_threads_to_leave_ends_the_limit():
+    """The other one enters within the first's block and leaves after it."""
+    if threads() == {1}:
+        pytest.skip("BLAS has one thread anyway")
+    before, entered, left, seen = threads(), Event(), Event(), []
+
+    def other():
+        with one_blas_thread():
+            entered.set()
+            left.wait(10)
+            seen.append(threads())
+
+    beside = Thread(target=other)
+    with one_blas_thread():
+        beside.start()
+        entered.wait(10)
+    left.set()
+    beside.join()
+    assert seen == [{1}]
+    assert threads() == before
