@@ -70,7 +70,7 @@ class TestSampledLQR:
         wrong = replaced(found, blocks=(first, replaced(second, K=-9 * second.K), third))
         with pytest.raises(tc.SynthesisError, match="a pole of the sampled loop of harmonic 1 is not stable"):
             wrong.verify()
-        with pytest.raises(tc.SynthesisError, match="dt is -1; a control period > 0 s"):
+        with pytest.raises(tc.SynthesisError, match="dt is -1; expected a finite number > 0"):
             tc.harmonic_lqr(small[3], dt=-1)
 
 
@@ -136,7 +136,7 @@ class TestLQG:
         _, rest, _, model, eyes = small
         with pytest.raises(tc.SynthesisError, match="designed in continuous time"):
             tc.harmonic_lqg(model, eyes).step(0.0, eyes.read(rest, 0))
-        with pytest.raises(tc.SynthesisError, match="LQG is shown what its sensors read"):
+        with pytest.raises(tc.SynthesisError, match=r"LQG is shown what its [0-9]+ sensors read"):
             tc.harmonic_lqg(model, eyes, dt=DT).step(0.0, rest)
 
     def test_an_unstable_loop_is_seen(self, small):

@@ -63,8 +63,8 @@ class TestRefusals:
         [
             ({"order": 10}, "^harmonic 0: a mode is not damped: it rings for ever"),
             ({"order": 0, "damping": 0.02}, "order is 0; a whole number from 1 to 68"),
-            ({"order": 10, "damping": -1.0}, "damping is -1.0; a damping ratio > 0"),
-            ({"order": 10, "horizon": 0.0}, "horizon is 0.0; a time > 0 s"),
+            ({"order": 10, "damping": -1.0}, "damping is -1.0; expected a finite number > 0 .a damping ratio"),
+            ({"order": 10, "horizon": 0.0}, "horizon is 0.0; expected a finite number > 0 .s"),
         ],
     )
     def test_refused(self, outputs, given, sentence):

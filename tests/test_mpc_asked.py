@@ -45,9 +45,15 @@ class TestLargestChange:
 
     def test_a_floor_below_which_tendons_push_is_refused(self, mast):
         dynamics, rest, linear = mast
-        with pytest.raises(tc.SynthesisError, match=r"tension_min is -1.0; a number of N from 0 up is expected"):
+        with pytest.raises(
+            tc.SynthesisError,
+            match=r"tension_min is -1.0; expected a finite number >= 0 .N; below 0 a tendon would push",
+        ):
             tc.MPC(linear, horizon=2, tension_min=-1.0)
-        with pytest.raises(tc.SynthesisError, match=r"tension_min is -1.0; a number of N from 0 up is expected"):
+        with pytest.raises(
+            tc.SynthesisError,
+            match=r"tension_min is -1.0; expected a finite number >= 0 .N; below 0 a tendon would push",
+        ):
             tc.NonlinearMPC(dynamics, rest, horizon=2, tension_min=-1.0)
 
     def test_of_a_motor_each_tendon_keeps_its_own(self):

@@ -24,8 +24,8 @@ def sample(rest, **other):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"tension_min": "1"}, "tension_min is '1'; a number of N"),
-        ({"tension_min": None}, "tension_min is None; a number of N"),
+        ({"tension_min": "1"}, 'tension_min is "1"; expected a finite number >= 0 .N; below 0 a tendon would push'),
+        ({"tension_min": None}, "tension_min is nothing; expected a finite number >= 0"),
         ({"path": 3}, "path is of type int; the ShapePath"),
         ({"weights": {"energy": 1.0}}, "weights is of type dict; a tc.Weights"),
     ],
@@ -55,12 +55,12 @@ def test_a_model_of_another_kind(mast):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"energy": "a"}, "the weight of energy is 'a'"),
-        ({"input": None}, "the weight of input is None"),
+        ({"energy": "a"}, 'weights.energy is "a"; expected a finite number >= 0'),
+        ({"input": None}, "weights.input is nothing"),
         ({"input": 0.0}, "the weight of input is 0, .* a number > 0 is expected, or rest_lengths"),
         ({"outputs": 3}, "outputs is 3; a table of sizes"),
-        ({"outputs": {"nodes": "a"}}, "the output nodes has the size 'a'"),
-        ({"rest_lengths": "a"}, r"rest_lengths \* has the size 'a'"),
+        ({"outputs": {"nodes": "a"}}, 'weights.outputs.nodes is "a"; expected a finite number > 0'),
+        ({"rest_lengths": "a"}, 'weights.rest_lengths is "a"; expected a finite number > 0'),
     ],
 )
 def test_weights_that_are_none(given, said):
@@ -110,8 +110,8 @@ def test_numbers_in_lists_are_taken(mast):
     [
         ({"sensors": None}, "sensors is of type NoneType; what tc.sensors gives"),
         ({"track": 3}, "track is 3; patterns of sensor labels"),
-        ({"track": ()}, r"track is \(\); patterns of sensor labels"),
-        ({"drift": "a"}, "drift is 'a'; a number > 0"),
+        ({"track": ()}, r"track is \[\]; patterns of sensor labels"),
+        ({"drift": "a"}, 'drift is "a"; expected a finite number > 0'),
     ],
 )
 def test_settings_of_control_from_sensors(mast, given, said):
@@ -121,7 +121,7 @@ def test_settings_of_control_from_sensors(mast, given, said):
 
 @pytest.mark.parametrize("noise", ["a", [1e-3] * 24, {"t5_*": None}])
 def test_noise_that_is_no_number(mast, noise):
-    with pytest.raises(tc.SynthesisError, match=r"sensors\.lengths is .*; a number, or a table of numbers by label"):
+    with pytest.raises(tc.SynthesisError, match=r"sensors\.lengths.* is .*; expected a finite number > 0"):
         tc.sensors(mast[0].structure, lengths=noise)
 
 

@@ -247,7 +247,7 @@ class TestSignal:
             (TIP, lambda t: [1.0, 2.0, np.nan], "not all finite"),
             (TIP, ([0.0, 0.0], np.zeros((2, 3))), "do not ascend"),
             (TIP, ([0.0, 1.0], np.zeros((3, 3))), r"table is of shape \(3, 3\)"),
-            ({"nodes:P4_1_1": 0.0}, None, "the output nodes:P4_1_1 has the size 0"),
+            ({"nodes:P4_1_1": 0.0}, None, 'weights.outputs."nodes:P4_1_1" is 0'),
         ],
     )
     def test_refused(self, mast, weights, signal, sentence):

@@ -261,7 +261,12 @@ def test_what_is_no_whole_number(value):
 
 @pytest.mark.parametrize("value", [False, "1", math.nan, -math.inf, [1.0], np.array([1.0, 2.0]), 10**400, 1j], ids=repr)
 def test_what_is_no_number(value):
-    assert shell_refusal(overlap=value).endswith("; expected a finite number (m).")
+    assert "; expected a finite number (m)" in shell_refusal(overlap=value)
+
+
+@pytest.mark.parametrize("value", [1e101, -1e300, 10**400], ids=repr)
+def test_what_is_too_large_to_be_meant(value):
+    assert shell_refusal(overlap=value).endswith("; expected a finite number (m), 1e+100 in size at most.")
 
 
 @pytest.mark.parametrize("name", ["a.b", "a*", "", "a b", "ratio", "[a]"])

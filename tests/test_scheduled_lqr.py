@@ -74,5 +74,5 @@ def test_scenes_run_it(tmp_path):
 
 
 def test_refusal(planned):
-    with pytest.raises(tc.SynthesisError, match="every is 0; a whole number >= 1 is expected"):
+    with pytest.raises(tc.SynthesisError, match="every is 0; expected a whole number >= 1"):
         tc.scheduled_lqr(*planned, every=0)

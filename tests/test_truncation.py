@@ -150,8 +150,8 @@ class TestMistakes:
         ("given", "sentence"),
         [
             ({"order": 0}, "order is 0; a whole number from 1 to 42"),
-            ({"order": 10, "damping": -1.0}, "damping is -1.0; a damping ratio > 0"),
-            ({"order": 10, "horizon": 0.0}, "horizon is 0.0; a time > 0 s"),
+            ({"order": 10, "damping": -1.0}, "damping is -1.0; expected a finite number > 0 .a damping ratio"),
+            ({"order": 10, "horizon": 0.0}, "horizon is 0.0; expected a finite number > 0 .s"),
             ({"order": 10, "horizon": 1.0, "method": "modal"}, "modal truncation has no horizon"),
         ],
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.resources import files
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from tensctl.codegen.feedback import lqg_facts, lqr_facts
 from tensctl.codegen.literals import Table, number
 from tensctl.codegen.predictive import predictive
 from tensctl.errors import OutputError
+from tensctl.scene.given import argument
+from tensctl.scene.values import Number
 from tensctl.synthesis import LQG, LQR, MPC, SampledLQR, ScheduledLQR
 
 Exportable = LQR | SampledLQR | ScheduledLQR | LQG | MPC
@@ -66,8 +69,11 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
     OutputError
         A controller without a form in C, or a place that cannot be written.
     """
-    if max_iterations is not None and (not isinstance(max_iterations, int) or max_iterations < 1):
-        raise OutputError(f"max_iterations is {max_iterations}; a whole number >= 1 is expected.")
+    if max_iterations is not None:
+        most = Number("changes of the active set", least=1, whole=True)
+        max_iterations = argument("max_iterations", max_iterations, most, OutputError)
+    if not isinstance(path, str | PathLike):
+        raise OutputError(f"path is of type {type(path).__name__}; a file NAME.c or a folder is expected.")
     path = Path(path)
     if path.is_dir():
         path = path / f"{_NAME}.c"

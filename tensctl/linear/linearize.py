@@ -12,6 +12,7 @@ from tensctl.linear.model import LinearModel
 from tensctl.linear.modes import REPEATED, Modes
 from tensctl.linear.outputs import Output, output_map
 from tensctl.model import Dynamics
+from tensctl.scene.given import check_kind
 from tensctl.statics import Equilibrium
 from tensctl.structure import select
 
@@ -69,6 +70,8 @@ def checked_point(
     LinearizationError
         For an equilibrium of other members, on the slack boundary, or all slack.
     """
+    check_kind(Dynamics, error=LinearizationError, dynamics=dynamics)
+    check_kind(Equilibrium, error=LinearizationError, equilibrium=equilibrium)
     if not _same(dynamics, equilibrium):
         raise LinearizationError(
             "the equilibrium belongs to another structure or other materials; make it and the dynamics from one scene."

@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from tensctl.errors import LinearizationError, StructureError
 from tensctl.model import Dynamics
+from tensctl.scene.complaint import shown
 from tensctl.statics import Equilibrium, stretch_map
 from tensctl.structure import Structure
 from tensctl.structure.labels import matches
@@ -70,6 +71,8 @@ def output_map(dynamics: Dynamics, equilibrium: Equilibrium, outputs: Output | S
         An unknown kind, a pattern or label that names nothing, an infinite weight, or an output asked for twice.
     """
     names, outputs = _Names(dynamics.structure), [outputs] if isinstance(outputs, Output) else outputs
+    if not (isinstance(outputs, Sequence) and all(isinstance(asked, Output) for asked in outputs)):
+        raise LinearizationError(f"outputs is {shown(outputs)}; {', '.join(_KINDS)} or a tc.Mix are expected.")
     parts = [names.mixed(asked) if isinstance(asked, Mix) else names.chosen(asked) for asked in outputs]
     labels = tuple(label for found, _ in parts for label in found)
     if len(set(labels)) < len(labels):

@@ -18,6 +18,9 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from tensctl.scene.complaint import complaint, shown
 
+# A number beyond it is a slip: a product of a few such is no number any more.
+_LARGEST = 1e100
+
 
 class Value(ABC):
     """A kind of value: what it looks like, in code and in words."""
@@ -73,13 +76,13 @@ class Number(Value):
         return isinstance(value, Integral if self.whole else Real) and not isinstance(value, bool)
 
     def contents(self, value: Any) -> float | int:
-        try:
-            number = int(value) if self.whole else float(value)
-        except OverflowError:
-            raise self.complaint(value) from None
+        size = abs(value)
+        if not size <= _LARGEST:
+            slip = f", {_LARGEST:g} in size at most" if size < math.inf else ""
+            raise complaint(f"is {shown(value)}; expected {self.words}{slip}")
+        number = int(value) if self.whole else float(value)
         inside = (
-            math.isfinite(number)
-            and (self.above is None or number > self.above)
+            (self.above is None or number > self.above)
             and (self.least is None or number >= self.least)
             and (self.below is None or number < self.below)
         )

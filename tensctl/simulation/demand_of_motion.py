@@ -12,6 +12,7 @@ import numpy as np
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
+from tensctl.scene.given import check_kind
 from tensctl.simulation.actuator_work import Pull, motor_forces, pull_of_run, pull_of_tensions
 from tensctl.simulation.demand import ActuatorDemand, Kind, Peak, Work
 from tensctl.simulation.energy import energy_at
@@ -49,6 +50,9 @@ def actuator_demand(
     """
     if isinstance(motion, ShapePath):
         return _of_path(motion, inertia)
+    check_kind(Run, error=SimulationError, motion=motion)
+    if dynamics is not None:
+        check_kind(Dynamics, error=SimulationError, dynamics=dynamics)
     if dynamics is None or motion.input_labels != dynamics.input_labels:
         raise SimulationError(
             "a run holds neither masses nor motors; give actuator_demand(run, dynamics) those of its scene."

@@ -27,6 +27,7 @@ from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, Sampled, sample_ramped
+from tensctl.scene.given import check_kind
 from tensctl.synthesis.sensors import Sensors
 
 # A direction that a force of unit energy scale moves by less than this part of the easiest one belongs to the sensors:
@@ -126,8 +127,7 @@ def disturbed(linear: LinearModel, sensors: Sensors, dt: float) -> Disturbed:
     SynthesisError
         Sensors of another structure, or a mode without stiffness.
     """
-    if not isinstance(sensors, Sensors):
-        raise SynthesisError(f"sensors is of type {type(sensors).__name__}; what tc.sensors gives is expected.")
+    check_kind(Sensors, sensors=sensors)
     if sensors.structure is not linear.dynamics.structure:
         raise SynthesisError("the sensors belong to another structure; make them for linear.dynamics.structure.")
     flat = [mode.index for mode in linear.modes if not mode.omega2 > 0]

@@ -29,20 +29,6 @@ class Measured(Protocol):
         ...
 
 
-class Memoryless:
-    """A controller whose answer depends on nothing but the sample."""
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Nothing is remembered from step to step, so runs under it can be stored and resumed."""
-        return {}
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Nothing to remember."""
-
-
 def command(linear: LinearModel | HarmonicModel, change: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:
     """Total rest-length change from L0, m, of a change from the equilibrium, kept above the rest-length floors."""
     return np.clip(linear.equilibrium.inputs + change, *linear.dynamics.members.input_bounds)

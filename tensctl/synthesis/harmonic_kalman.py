@@ -21,6 +21,8 @@ from tensctl.analysis import harmonic_observability
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, HarmonicOutputs, LinearModel
 from tensctl.linear.harmonic_block import Harmonic, Shown
+from tensctl.scene.given import argument
+from tensctl.scene.values import Number
 from tensctl.synthesis.harmonic_riccati import Equation, by_harmonic, doubt_of, name_lost, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import of_sector
 from tensctl.synthesis.kalman import Kalman, force_roots, kalman
@@ -152,8 +154,8 @@ def harmonic_kalman(
         Sensors that leave out an image.
     """
     outputs, V, forces = symmetric_noise(linear, sensors, force_noise)
-    if dt is not None and not (np.isfinite(dt) and dt > 0):
-        raise SynthesisError(f"dt is {dt}; a sample period > 0 s is expected.")
+    if dt is not None:
+        dt = argument("dt", dt, Number("s", above=0))
     duals = zip(linear.blocks, forces, strict=True)
     parts = [(b.A.conj().T, Cost(W, V, np.zeros((b.nx, len(V)))), None) for b, W in duals]
     check_seen_by_harmonic(linear, parts, sentence=NOISE)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -52,6 +53,8 @@ class HarmonicLQG(Estimating):
     filter: HarmonicKalman
     plants: tuple[Plant, ...]
     estimators: tuple[Estimator, ...]
+
+    design: ClassVar[str] = "harmonic_lqg"
 
     @property
     def linear(self) -> HarmonicModel:
@@ -165,28 +168,22 @@ class HarmonicLQG(Estimating):
         return own.period_costs if isinstance(own, HarmonicSampledLQR) else own.costs
 
     @one_blas_thread()
-    def step(self, t: float, measurement: Reading) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0, m, kept above the rest-length floors.
-
-        Raises
-        ------
-        SynthesisError
-            For a design in continuous time, or when more than the sensors' reading is shown.
-        """
-        self._check_shown(measurement, self.dt, "harmonic_lqg")
+    def _answer(
+        self, reading: Reading, last: dict[str, np.ndarray]
+    ) -> tuple[Float[np.ndarray, " nu"], dict[str, np.ndarray]]:
         rest, waves = self.linear.equilibrium, self.linear.map.waves
-        change, last = commands_now(self.linear, measurement) - rest.inputs, self.state()
-        u, y = waves(change), self.filter.outputs.waves(measurement.values - self.sensors.of(rest))
+        change = commands_now(self.linear, reading) - rest.inputs
+        u, y = waves(change), self.filter.outputs.waves(reading.values - self.sensors.of(rest))
         estimate = [
             e.seen @ (yk - p.D @ uk) for e, p, yk, uk in zip(self.estimators, self.plants, y, u, strict=True)
         ]  # fmt: skip
-        if last:
+        if "estimate" in last:
             before = zip(self.estimators, self._unpacked(last["estimate"]), waves(last["inputs"]), u, strict=True)
             gone_on = [e.Phi @ xi + e.before @ earlier + e.now @ now for e, xi, earlier, now in before]
             estimate = [seen + own for seen, own in zip(estimate, gone_on, strict=True)]
-        self.restore({"estimate": _packed(estimate), "inputs": change})
         asked = [-(e.C @ xi + e.direct @ uk) for e, xi, uk in zip(self.estimators, estimate, u, strict=True)]
-        return command(self.linear, self.linear.map.shortening(asked))
+        memory = {"estimate": _packed(estimate), "inputs": change}
+        return command(self.linear, self.linear.map.shortening(asked)), memory
 
     def _unpacked(self, packed: np.ndarray) -> list[np.ndarray]:
         """Estimates by harmonic."""

@@ -20,14 +20,17 @@ from tensctl.analysis import harmonic_controllability
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, LinearModel, sample_ramped
 from tensctl.linear.harmonic_block import Harmonic
+from tensctl.scene.given import argument
+from tensctl.scene.values import Number
 from tensctl.synthesis.crossed import optimal
-from tensctl.synthesis.feedback import Measured, Memoryless, command
+from tensctl.synthesis.feedback import Measured, command
 from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.harmonic_kalman import harmonic_white_forces
 from tensctl.synthesis.harmonic_lqr_sampled import HarmonicSampledLQR, sampled_design
 from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, name_lost, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks, Costs, checked_costs
+from tensctl.synthesis.holding import Holding
 from tensctl.synthesis.lagging import lagging_costs
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.stabilisable import LeftOut
@@ -43,7 +46,7 @@ _SQUARINGS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class HarmonicLQR(Memoryless):
+class HarmonicLQR(Holding):
     """State feedback about a symmetric equilibrium; a controller with `step` and `reset`.
 
     Attributes
@@ -124,8 +127,7 @@ class HarmonicLQR(Memoryless):
         return float(sum(block.copies * np.real(np.trace(P @ W)) for block, P, W in parts))
 
     @one_blas_thread()
-    def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0, m, kept above the rest-length floors."""
+    def _answer(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         states = self.linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
         return command(self.linear, self.answer(states))
 
@@ -204,8 +206,8 @@ def harmonic_lqr(
             f"the model has {linear.nx} flexible states and {linear.nu} inputs; at least one of each is needed."
         )
     costs = checked_costs(linear, Q, R, cost)
-    if dt is not None and not (np.isfinite(dt) and dt > 0):
-        raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
+    if dt is not None:
+        dt = argument("dt", dt, Number("s", above=0))
     cross = [None if dt is not None else block.B for block in linear.blocks]
     check_seen_by_harmonic(linear, [(b.A, own, B) for b, own, B in zip(linear.blocks, costs, cross, strict=True)])
     plant, costs = linear.actuated, lagging_costs(linear, costs)

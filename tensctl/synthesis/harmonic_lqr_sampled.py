@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Complex, Float, Inexact
@@ -18,12 +19,13 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, LinearModel, Sampled, sample_ramped
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.synthesis.crossed import Optimum, optimal
-from tensctl.synthesis.feedback import Measured, Memoryless, command
+from tensctl.synthesis.feedback import Measured, command
 from tensctl.synthesis.gain_doubt import gain_doubt
 from tensctl.synthesis.harmonic_kalman import harmonic_white_forces
 from tensctl.synthesis.harmonic_margins import HarmonicSensitivity
 from tensctl.synthesis.harmonic_riccati import by_harmonic, doubt_of, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import Blocks
+from tensctl.synthesis.holding import Holding
 from tensctl.synthesis.lagging import commands_now
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.margins import Sensitivity
@@ -34,7 +36,7 @@ from tensctl.threads import one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
-class HarmonicSampledLQR(Memoryless):
+class HarmonicSampledLQR(Holding):
     """Sampled state feedback about a symmetric equilibrium; a controller with `step` and `reset`.
 
     Attributes
@@ -46,6 +48,8 @@ class HarmonicSampledLQR(Memoryless):
     blocks : tuple of Optimum
         Gain (p, nx + p) and cost to go of each harmonic.
     """
+
+    sees_inputs: ClassVar[bool] = True
 
     linear: HarmonicModel
     costs: tuple[Cost, ...]
@@ -127,8 +131,7 @@ class HarmonicSampledLQR(Memoryless):
         return total
 
     @one_blas_thread()
-    def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0, m, kept above the rest-length floors."""
+    def _answer(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         states = self.linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
         inputs = self.linear.map.waves(commands_now(self.linear, measurement) - self.linear.equilibrium.inputs)
         return command(self.linear, self.answer(states, inputs))

@@ -23,6 +23,8 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicOutputs
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.linear.outputs import safe_label
+from tensctl.scene.given import argument
+from tensctl.scene.values import Number
 from tensctl.synthesis.harmonic_riccati import by_harmonic
 from tensctl.synthesis.truncation import NOISE, Truncated, check_order, cut, gramian_factor, hankel
 from tensctl.threads import one_blas_thread
@@ -133,10 +135,10 @@ def harmonic_truncate(
     """
     linear = outputs.model
     check_order(order, linear.nx)
-    if horizon is not None and not (np.isfinite(horizon) and horizon > 0):
-        raise SynthesisError(f"horizon is {horizon}; a time > 0 s is expected.")
-    if damping is not None and not (np.isfinite(damping) and damping > 0):
-        raise SynthesisError(f"damping is {damping}; a damping ratio > 0 is expected.")
+    if horizon is not None:
+        horizon = argument("horizon", horizon, Number("s", above=0))
+    if damping is not None:
+        damping = argument("damping", damping, Number("a damping ratio", above=0))
     damped = tuple(_damped(block, damping) for block in linear.blocks)
 
     def factors(block: Harmonic) -> tuple[np.ndarray, np.ndarray]:

@@ -14,8 +14,9 @@ from tensctl.analysis.scaling import input_stiffness
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel
 from tensctl.linear.harmonic_block import Harmonic, Shown
-from tensctl.structure.labels import by_label
-from tensctl.synthesis.weights import Cost, Size, positive_sizes
+from tensctl.scene.given import argument
+from tensctl.scene.values import Number
+from tensctl.synthesis.weights import Cost, Size, allowed_sizes
 
 Blocks = Sequence[np.ndarray]
 Costs = Sequence[Cost]
@@ -51,10 +52,10 @@ def harmonic_weights(
     structure, symmetry = linear.dynamics.structure, linear.map.point.sector.symmetry
     shown: dict[Shown, np.ndarray] = {}
     if nodes is not None:
-        sizes = positive_sizes("nodes", by_label(structure.node_labels, nodes, "nodes", np.inf))[symmetry.nodes]
+        sizes = allowed_sizes("nodes", structure.node_labels, nodes)[symmetry.nodes]
         shown["nodes"] = np.repeat(of_sector(sizes, "allowed sizes of nodes", "tc.weights"), 3)
     if tensions is not None:
-        sizes = positive_sizes("tensions", by_label(structure.tendon_labels, tensions, "tensions", np.inf))
+        sizes = allowed_sizes("tensions", structure.tendon_labels, tensions)
         shown["tensions"] = of_sector(sizes[symmetry.tendons], "allowed sizes of tensions", "tc.weights")
     own = _of_inputs(linear, energy, rest_lengths)
     return tuple(
@@ -66,8 +67,7 @@ def _of_inputs(linear: HarmonicModel, energy: float | None, sizes: Size | None) 
     """Weight of each input alone."""
     if sizes is None:
         return np.zeros(linear.nu) if energy is None else 0.5 * input_stiffness(linear) / energy
-    labels = linear.dynamics.input_labels
-    given = 1 / positive_sizes("rest_lengths", by_label(labels, sizes, "rest_lengths", np.inf)) ** 2
+    given = 1 / allowed_sizes("rest_lengths", linear.dynamics.input_labels, sizes) ** 2
     if not linear.map.alike(given):
         raise _unequal("allowed sizes of rest_lengths", "tc.weights")
     return given
@@ -79,7 +79,7 @@ def _cost(
     nx, p = block.nx, own.size
     total = np.zeros((nx + p, nx + p), block.shapes.dtype)
     if energy is not None:
-        total[:nx, :nx] += 0.5 * np.eye(nx) / positive_sizes("energy", np.array([energy]))[0]
+        total[:nx, :nx] += 0.5 * np.eye(nx) / argument("energy", energy, Number("J", above=0))
     for kind, sizes in shown.items():
         rows = np.hstack([block.C(kind), block.D(kind)]) / (sizes[block.free] if kind == "nodes" else sizes)[:, None]
         total += rows.conj().T @ rows

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 
 import numpy as np
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.model import Dynamics
+from tensctl.scene.given import argument
+from tensctl.scene.values import Number
 from tensctl.structure import Members, Structure
 from tensctl.structure.labels import by_label
 from tensctl.synthesis.weights import Size
@@ -96,10 +97,7 @@ def check_floor(tension_min: float) -> None:
     SynthesisError
         With what was given and what is expected.
     """
-    if not (isinstance(tension_min, Real) and 0 <= tension_min < np.inf):
-        raise SynthesisError(
-            f"tension_min is {tension_min!r}; a number of N from 0 up is expected: below 0 a tendon would push."
-        )
+    argument("tension_min", tension_min, Number("N; below 0 a tendon would push", least=0))
 
 
 def plan_of(state: Mapping[str, np.ndarray], horizon: int, inputs: int) -> Float[np.ndarray, "N nu"] | None:

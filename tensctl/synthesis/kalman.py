@@ -16,8 +16,10 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Inexact
 
-from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
+from tensctl.scene.given import argument
+from tensctl.scene.tables import per_member
+from tensctl.scene.values import Number
 from tensctl.structure import Structure
 from tensctl.structure.labels import by_label
 from tensctl.synthesis.crossed import optimal
@@ -108,7 +110,5 @@ def white_forces(linear: LinearModel, forces: float | Mapping[str, float]) -> Fl
 
 def force_roots(structure: Structure, forces: float | Mapping[str, float]) -> Float[np.ndarray, " nodes"]:
     """Root of the intensity of white forces on each node, N s^1/2; refused as by `white_forces`."""
-    root = by_label(structure.node_labels, forces, "force_noise", 0.0)
-    if not (root >= 0).all():
-        raise SynthesisError(f"force_noise is {root.min():g}; a number >= 0 is expected, in N s^1/2.")
-    return root
+    forces = argument("force_noise", forces, per_member(Number("N s^1/2", least=0)))
+    return by_label(structure.node_labels, forces, "force_noise", 0.0)

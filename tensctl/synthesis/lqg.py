@@ -18,6 +18,8 @@ from jaxtyping import Complex, Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.values import Choice, Number
 from tensctl.synthesis.checked import checked_cost
 from tensctl.synthesis.crossed import Optimum, optimal
 from tensctl.synthesis.estimating import Estimating
@@ -173,23 +175,15 @@ class LQG(Estimating):
         said = f"LQG, {ends}, {size}; slowest pole {self.slowest:.3g} 1/s"
         return said if self.small_gain is None else f"{said}; {self.small_gain}"
 
-    def step(self, t: float, measurement: Reading) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0, m, kept above the rest-length floors.
-
-        Raises
-        ------
-        SynthesisError
-            For a design in continuous time, or when more than the sensors' reading is shown.
-        """
-        self._check_shown(measurement, self.dt, "lqg")
+    def _answer(
+        self, reading: Reading, last: dict[str, np.ndarray]
+    ) -> tuple[Float[np.ndarray, " nu"], dict[str, np.ndarray]]:
         e, rest = self.estimator, self.linear.equilibrium
-        u = commands_now(self.linear, measurement) - rest.inputs
-        estimate = e.seen @ (measurement.values - self.sensors.of(rest) - self.plant.D @ u)
-        last = self.state()
-        if last:
+        u = commands_now(self.linear, reading) - rest.inputs
+        estimate = e.seen @ (reading.values - self.sensors.of(rest) - self.plant.D @ u)
+        if "estimate" in last:
             estimate = estimate + e.Phi @ last["estimate"] + e.before @ last["inputs"] + e.now @ u
-        self.restore({"estimate": estimate, "inputs": u})
-        return command(self.linear, -(e.C @ estimate + e.direct @ u))
+        return command(self.linear, -(e.C @ estimate + e.direct @ u)), {"estimate": estimate, "inputs": u}
 
     def verify(self, tol: float = 1e-9) -> None:
         """Check both Riccati residuals, the loop's stability, separation and the covariance.
@@ -251,27 +245,32 @@ def lqg(
     SynthesisError
         A mode out of reach, noise or weights that leave no solution, or an order whose loop is not stable.
     """
+    check_kind(LinearModel, linear=linear)
+    check_kind(Sensors, sensors=sensors)
     flexible = linear.flexible
     if sensors.structure is not flexible.dynamics.structure:
         raise SynthesisError("the sensors belong to another structure; make them for linear.dynamics.structure.")
-    if dt is not None and not (np.isfinite(dt) and dt > 0):
-        raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
+    if dt is not None:
+        dt = argument("dt", dt, Number("s", above=0))
+    stabilisable_only = argument("stabilisable_only", stabilisable_only, Choice(True, False))
     cost = checked_cost(flexible, None, None, None, cost)
     part = controlled_part(flexible, sensors.rows(flexible)[0], only=stabilisable_only)
     W = part.basis.T @ white_forces(flexible, force_noise) @ part.basis
-    _check_seen(flexible, part.basis, cost, W, dt)
     driven, cost, T = flexible.actuated, lagging_cost(flexible, cost), lagging_basis(flexible, part.basis)
     C, D = sensors.rows(driven)
     inside = Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
     plant = _plant(T.T @ driven.A @ T, T.T @ driven.B, C @ T, D, dt)
+    _check_seen(flexible, part.basis, plant, inside, W)
     W = np.pad(W, (0, T.shape[1] - len(W)))  # no noise on rest lengths
     return _design(driven, sensors, part.left, T, plant, inside, W, order)
 
 
-def _check_seen(linear: LinearModel, T: np.ndarray, cost: Cost, W: np.ndarray, dt: float | None) -> None:
+def _check_seen(linear: LinearModel, T: np.ndarray, plant: Plant, cost: Cost, W: np.ndarray) -> None:
     """Refuse undamped modes of the mechanics that the weights do not see or the noise does not drive."""
-    A, inside = T.T @ linear.A @ T, Cost(T.T @ cost.Q @ T, cost.R, T.T @ cost.N)
-    check_seen(linear, T, A, inside, T.T @ linear.B if dt is None else None)
+    n, lags = T.shape[1], len(plant.A) > T.shape[1]  # where actuators lag, rest lengths are the last states
+    A, B = plant.A[:n, :n], plant.A[:n, n:] if lags else plant.B
+    mechanical = Cost(cost.Q[:n, :n], cost.R, cost.Q[:n, n:] if lags else cost.N)
+    check_seen(linear, T, A, mechanical, B if plant.sampled is None else None)
     check_seen(linear, T, A.T, Cost(W, np.zeros((0, 0)), np.zeros((len(W), 0))), sentence=NOISE)
 
 

@@ -19,10 +19,13 @@ from jaxtyping import Complex, Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.values import Choice
 from tensctl.synthesis.checked import checked_cost
 from tensctl.synthesis.crossed import optimal, residual
-from tensctl.synthesis.feedback import Measured, Memoryless, command
+from tensctl.synthesis.feedback import Measured, command
 from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.holding import Holding
 from tensctl.synthesis.kalman import white_forces
 from tensctl.synthesis.lagging import lagging_basis, lagging_cost
 from tensctl.synthesis.lqr_sampled import SampledLQR, sampled_lqr
@@ -37,7 +40,7 @@ _SAMPLES = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class LQR(Memoryless):
+class LQR(Holding):
     """State feedback about an equilibrium; a controller with `step` and `reset`.
 
     Attributes
@@ -118,8 +121,7 @@ class LQR(Memoryless):
         """
         return float(np.trace(self.P @ white_forces(self.linear, force_noise)))
 
-    def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0, m, kept above the rest-length floors."""
+    def _answer(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         x = self.linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
         return command(self.linear, -self.K @ x)
 
@@ -186,6 +188,8 @@ def lqr(
     SynthesisError
         A weight of the wrong shape, no input, or a mode that is not damped and not driven, or not seen by the weights.
     """
+    check_kind(LinearModel, linear=linear)
+    stabilisable_only = argument("stabilisable_only", stabilisable_only, Choice(True, False))
     flexible = linear.flexible
     cost = checked_cost(flexible, Q, R, N, cost)
     part = stabilisable(flexible, only=stabilisable_only)

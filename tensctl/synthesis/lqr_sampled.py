@@ -11,15 +11,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, Sampled, sample_ramped
+from tensctl.scene.given import argument
+from tensctl.scene.values import Number
 from tensctl.synthesis.crossed import optimal, residual
-from tensctl.synthesis.feedback import Measured, Memoryless, command
+from tensctl.synthesis.feedback import Measured, command
 from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.holding import Holding
 from tensctl.synthesis.kalman import white_forces
 from tensctl.synthesis.lagging import commands_now, lagging_basis, lagging_cost
 from tensctl.synthesis.margins import Sensitivity
@@ -30,7 +34,7 @@ from tensctl.synthesis.weights import Cost
 
 
 @dataclass(frozen=True, eq=False)
-class SampledLQR(Memoryless):
+class SampledLQR(Holding):
     """Sampled state feedback about an equilibrium; a controller with `step` and `reset`.
 
     Attributes
@@ -53,6 +57,8 @@ class SampledLQR(Memoryless):
     left : tuple of LeftOut
         Modes that are neither damped nor driven and were left out when that was asked for.
     """
+
+    sees_inputs: ClassVar[bool] = True
 
     linear: LinearModel
     cost: Cost
@@ -119,8 +125,7 @@ class SampledLQR(Memoryless):
         left = integral((x.T @ self.linear.A @ x).T, W, self.dt)[1]
         return float(np.trace(x.T @ self.P[:nx, :nx] @ x @ left))
 
-    def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0, m, kept above the rest-length floors."""
+    def _answer(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         x = self.linear.seen(measurement.nodes, measurement.velocities, measurement.inputs)
         change = commands_now(self.linear, measurement) - self.linear.equilibrium.inputs
         return command(self.linear, -self.K @ np.concatenate([x, change]))
@@ -152,8 +157,7 @@ def continuous_poles(multipliers: np.ndarray, dt: float) -> np.ndarray:
 
 def sampled_lqr(linear: LinearModel, cost: Cost, part: Part, dt: float) -> SampledLQR:
     """Design on the part of a flexible model that inputs can bring to rest."""
-    if not (np.isfinite(dt) and dt > 0):
-        raise SynthesisError(f"dt is {dt}; a control period > 0 s is expected.")
+    dt = argument("dt", dt, Number("s", above=0))
     x, nu = part.basis, linear.B.shape[1]
     check_seen(linear, x, x.T @ linear.A @ x, Cost(x.T @ cost.Q @ x, cost.R, x.T @ cost.N))
     plant, cost, x = linear.actuated, lagging_cost(linear, cost), lagging_basis(linear, x)

@@ -18,7 +18,10 @@ from jaxtyping import Float, Int
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
 from tensctl.model import Dynamics
-from tensctl.synthesis.feedback import Measured, Memoryless
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.values import Number
+from tensctl.synthesis.feedback import Measured
+from tensctl.synthesis.holding import Holding
 from tensctl.synthesis.lagging import commands_along, commands_now
 from tensctl.synthesis.lqr import LQR, lqr
 from tensctl.synthesis.lqr_sampled import SampledLQR
@@ -28,7 +31,7 @@ Design = LQR | SampledLQR
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduledLQR(Memoryless):
+class ScheduledLQR(Holding):
     """State feedback along a path; a controller with `step` and `reset`.
 
     Attributes
@@ -58,8 +61,7 @@ class ScheduledLQR(Memoryless):
         """Real part of the slowest pole of all designs, 1/s; negative when each loop at rest is stable."""
         return max(design.slowest for design in self.designs)
 
-    def step(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
-        """Total rest-length change u from L0, m, kept above the rest-length floors."""
+    def _answer(self, t: float, measurement: Measured) -> Float[np.ndarray, " nu"]:
         path, design = self.path, self.at(t)
         linear = design.linear
         now, ahead = commands_along(path, np.array([t, t + self.dt]), linear.lag, self.dt)
@@ -68,6 +70,17 @@ class ScheduledLQR(Memoryless):
         if isinstance(design, SampledLQR):
             error = np.concatenate([error, commands_now(linear, measurement) - now])
         return np.clip(ahead - design.K @ error, *linear.dynamics.members.input_bounds)
+
+    @property
+    def sees_inputs(self) -> bool:
+        """Whether designs feed inputs back."""
+        return isinstance(self.designs[-1], SampledLQR)
+
+    def _model(self, t: float) -> LinearModel:
+        return self.at(t).linear
+
+    def _first(self, t: float) -> Float[np.ndarray, " nu"]:
+        return commands_along(self.path, np.array([t]), self.at(t).linear.lag, self.dt)[0]
 
     def at(self, t: float) -> Design:
         """The design that acts at time t."""
@@ -108,8 +121,11 @@ def scheduled_lqr(
     SynthesisError
         What the design refuses.
     """
-    if every < 1:
-        raise SynthesisError(f"every is {every}; a whole number >= 1 is expected.")
+    check_kind(ShapePath, path=path)
+    check_kind(Dynamics, dynamics=dynamics)
+    every = argument("every", every, Number("planned equilibria", least=1, whole=True))
+    if not callable(design):
+        raise SynthesisError(f"design is of type {type(design).__name__}; a function of a LinearModel is expected.")
     knots = np.arange(len(path.equilibria) - 1, -1, -every)[::-1]
     models = (linearize(dynamics, path.equilibria[knot], outputs=()) for knot in knots)
     return ScheduledLQR(path, knots, tuple(design(linear) for linear in models))

@@ -21,6 +21,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, linearize
 from tensctl.model.tensions import tensions_at
 from tensctl.scene import MpcStage
+from tensctl.scene.given import check_kind
 from tensctl.synthesis.condensed import Condensed, condense, stiffness_spread
 from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
 from tensctl.synthesis.lagging import commands_along, commands_now, followed_to_next
@@ -30,7 +31,7 @@ from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_solvers import SOLVERS, first_choice
-from tensctl.synthesis.reference import Hold, Reference, outputs_along, refuse_beyond, rests
+from tensctl.synthesis.reference import Hold, Reference, check_reference, outputs_along, refuse_beyond, rests
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import known_inputs, refuse_misshapen, seen
 from tensctl.synthesis.signal import Wanted, signal_for
@@ -108,20 +109,25 @@ class MPC:
         preview: bool = True,
     ) -> None:
         asked = MpcStage.checked(
-            horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, solver=solver, delay=delay, modes=modes
-        )
-        check_asked(tension_min, delay, asked.dt)
-        _check_kinds(linear, weights, path)
-        self.linear = below_sampling_limit(linear.flexible, asked.dt, modes).actuated
-        self.horizon, self.dt, self.delay = asked.horizon, asked.dt, float(delay)
-        self._fast: Fast = modes
+            horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, solver=solver, delay=delay, modes=modes,
+            preview=preview,
+        )  # fmt: skip
+        check_asked(tension_min, asked.delay, asked.dt)
+        check_kind(LinearModel, linear=linear)
+        if weights is not None:
+            check_kind(Weights, weights=weights)
+        if path is not None:
+            check_reference(path, linear.dynamics)
+        self.linear = below_sampling_limit(linear.flexible, asked.dt, asked.modes).actuated
+        self.horizon, self.dt, self.delay = asked.horizon, asked.dt, asked.delay
+        self._fast: Fast = asked.modes
         self.tension_min, self.rate_max = float(tension_min), asked.rate_max
         self.weights = Weights() if weights is None else weights
         sizes = self.horizon, len(self.linear.inputs), len(self.linear.A)
         chosen = first_choice(*sizes, stiffness_spread(self.linear))
         self.solver, self.why = chosen if asked.solver in ("auto", None) else (solver, "asked for")
         self.reference: Reference = Hold(linear.equilibrium) if path is None else path
-        self.signal, self.preview = signal_for(self.weights, self.linear, signal), preview
+        self.signal, self.preview = signal_for(self.weights, self.linear, signal), asked.preview
         self.u_max = asked.u_max
         self._pieces: dict[int, Piece] = {}
         self._at_rest: Ahead | None = None
@@ -132,7 +138,7 @@ class MPC:
         self.records: list[StepRecord] = []
         if not self.linear.inputs:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
-        _check_size(self.linear, horizon)
+        _check_size(self.linear, self.horizon)
         self.hard = InputLimits.of(self.linear.dynamics, self.rate_max, self.dt, self.u_max)
         refuse_beyond(self.reference, self.linear.inputs, self.hard.range)
         for knot in range(len(self.reference.equilibria)):
@@ -379,17 +385,6 @@ class MPC:
     def _continued(plan: np.ndarray) -> np.ndarray:
         """What a plan does from its second period on; its end is held."""
         return np.concatenate([plan[1:], plan[-1:]])
-
-
-def _check_kinds(linear: object, weights: object, path: object) -> None:
-    expected = (
-        ("linear", linear, isinstance(linear, LinearModel), "the LinearModel of tc.linearize"),
-        ("weights", weights, weights is None or isinstance(weights, Weights), "a tc.Weights"),
-        ("path", path, path is None or hasattr(path, "equilibria"), "the ShapePath of tc.plan_shape"),
-    )
-    for name, given, fits, what in expected:
-        if not fits:
-            raise SynthesisError(f"{name} is of type {type(given).__name__}; {what} is expected.")
 
 
 def _check_size(linear: LinearModel, horizon: int) -> None:

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +22,9 @@ from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, sample_ramped
+from tensctl.scene.complaint import shown
+from tensctl.scene.given import argument
+from tensctl.scene.values import Number
 from tensctl.structure.labels import matches
 from tensctl.synthesis.disturbance import Disturbed, disturbed
 from tensctl.synthesis.lagging import commands_along, commands_now
@@ -30,7 +32,7 @@ from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.mpc import MPC
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.offset_filter import Estimate, OffsetFilter, offset_filter
-from tensctl.synthesis.reference import Hold, Reference, rests
+from tensctl.synthesis.reference import Hold, Reference, check_reference, rests
 from tensctl.synthesis.sensors import Reading, Sensors
 from tensctl.synthesis.signal import Wanted
 from tensctl.synthesis.steady_target import SteadyTarget, Target
@@ -105,8 +107,9 @@ class OutputMPC(MPC):
             linear, horizon=horizon, dt=dt, tension_min=tension_min, rate_max=rate_max, u_max=u_max,
             weights=weights, solver=solver, delay=delay, modes=modes, signal=signal, preview=preview,
         )  # fmt: skip
-        if not (isinstance(drift, Real) and 0 < drift < np.inf):
-            raise SynthesisError(f"drift is {drift!r}; a number > 0 is expected, deviations of a sensor in a second.")
+        drift = argument("drift", drift, Number("deviations of a sensor in 1 s", above=0))
+        if path is not None:
+            check_reference(path, linear.dynamics)
         self.sensors = sensors
         self.wanted: Reference = Hold(linear.equilibrium) if path is None else path
         self.model: Disturbed = disturbed(self.linear, sensors, self.dt)
@@ -353,7 +356,7 @@ def _tracked(sensors: Sensors, track: str | tuple[str, ...] | None) -> np.ndarra
     if track is not None:
         patterns = (track,) if isinstance(track, str) else track
         if not (isinstance(patterns, Sequence) and patterns and all(isinstance(one, str) for one in patterns)):
-            raise SynthesisError(f'track is {track!r}; patterns of sensor labels are expected, such as "l_*".')
+            raise SynthesisError(f'track is {shown(track)}; patterns of sensor labels are expected, such as "l_*".')
         return np.unique([k for pattern in patterns for k in matches(sensors.labels, pattern, "track")])
     first, last = sensors.lengths.size, sensors.lengths.size + sensors.tensions.size
     shape = np.r_[0:first, last : sensors.noise.size]

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from numbers import Real
 
 import numpy as np
 from jaxtyping import Float
@@ -19,8 +18,12 @@ from tensctl.analysis.scaling import input_stiffness
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
 from tensctl.linear.outputs import Output
+from tensctl.scene.complaint import shown
+from tensctl.scene.given import argument
+from tensctl.scene.tables import Table, per_member
+from tensctl.scene.values import Number
 from tensctl.structure.labels import by_label
-from tensctl.synthesis.shown import shown
+from tensctl.synthesis.shown import shown as showing
 from tensctl.synthesis.weights import Size
 
 
@@ -47,8 +50,7 @@ class Weights:
 
     def __post_init__(self) -> None:
         for name, weight in (("energy", self.energy), ("input", self.input)):
-            if not (isinstance(weight, Real) and 0 <= weight < np.inf):
-                raise SynthesisError(f"the weight of {name} is {weight!r}; a finite number >= 0 is expected.")
+            argument(f"weights.{name}", weight, Number(least=0))
         if self.input == 0 and self.rest_lengths is None:
             raise SynthesisError(
                 "the weight of input is 0, and one direction of rest lengths changes the prestress only; a number > 0 "
@@ -56,15 +58,12 @@ class Weights:
             )
         if not isinstance(self.outputs, Mapping):
             raise SynthesisError(
-                f'outputs is {self.outputs!r}; a table of sizes by output is expected, as {{"nodes:P4_1_1": 1e-3}}.'
+                f'outputs is {shown(self.outputs)}; a table of sizes is expected, as {{"nodes:P4_1_1": 1e-3}}.'
             )
-        sizes = {f"the output {name}": size for name, size in self.outputs.items()}
+        sizes = {str(output): size for output, size in self.outputs.items()}
+        argument("weights.outputs", sizes, Table(Number("in the output's unit", above=0)))
         if self.rest_lengths is not None:
-            table = self.rest_lengths if isinstance(self.rest_lengths, Mapping) else {"*": self.rest_lengths}
-            sizes |= {f"rest_lengths {pattern}": size for pattern, size in table.items()}
-        for name, size in sizes.items():
-            if not (isinstance(size, Real) and 0 < size < np.inf):
-                raise SynthesisError(f"{name} has the size {size!r}; a finite number > 0 is expected.")
+            argument("weights.rest_lengths", self.rest_lengths, per_member(Number("m", above=0)))
 
     def of_inputs(self, linear: LinearModel) -> Float[np.ndarray, "nu nu"]:
         """R of a linear model, per second.
@@ -87,9 +86,9 @@ class Weights:
 
     def of_outputs(self, linear: LinearModel) -> Weighed:
         """The weighted outputs of a linear model."""
-        models = [shown(linear, output) for output in self.outputs]
+        models = [showing(linear, output) for output in self.outputs]
         sizes = [np.full(len(m.outputs), size) for m, size in zip(models, self.outputs.values(), strict=True)]
-        model, size = shown(linear, *self.outputs), np.concatenate([np.zeros(0), *sizes])
+        model, size = showing(linear, *self.outputs), np.concatenate([np.zeros(0), *sizes])
         return Weighed(model, size, np.hstack([model.C, model.D]) / size[:, None])
 
 

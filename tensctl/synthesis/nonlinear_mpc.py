@@ -26,6 +26,8 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import linearize
 from tensctl.model import Dynamics
 from tensctl.scene import MpcStage
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.values import Number
 from tensctl.statics import Equilibrium
 from tensctl.synthesis.feedback import Measured
 from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
@@ -35,7 +37,7 @@ from tensctl.synthesis.nonlinear_problem import Bounds, Linearised, Measure
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_anew import answer
 from tensctl.synthesis.qp_primal import PrimalSolver
-from tensctl.synthesis.reference import Hold, Reference, refuse_beyond
+from tensctl.synthesis.reference import Hold, Reference, check_reference, refuse_beyond
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import Seen, known_inputs, refuse_misshapen, seen
@@ -103,17 +105,20 @@ class NonlinearMPC:
         iterations: int = 1,
     ) -> None:
         asked = MpcStage.checked(horizon=horizon, dt=dt, rate_max=rate_max, u_max=u_max, delay=delay, modes=modes)
-        check_asked(tension_min, delay, asked.dt)
-        if int(iterations) != iterations or iterations < 1:
-            raise SynthesisError(f"iterations is {iterations}; a whole number, at least 1, is expected.")
+        check_asked(tension_min, asked.delay, asked.dt)
+        iterations = argument("iterations", iterations, Number("roll-outs a step", least=1, whole=True))
+        check_kind(Dynamics, dynamics=dynamics)
+        if weights is not None:
+            check_kind(Weights, weights=weights)
         if not dynamics.members.gearing.size:
             raise SynthesisError("no tendon has an actuator that moves anything; MPC needs at least one input.")
-        self.dynamics, self.iterations = dynamics, int(iterations)
-        self._modes: Fast = modes
+        self.dynamics, self.iterations = dynamics, iterations
+        self._modes: Fast = asked.modes
         self.horizon, self.dt, self.delay = asked.horizon, asked.dt, asked.delay
         self.tension_min, self.rate_max, self.u_max = float(tension_min), asked.rate_max, asked.u_max
         self.weights = Weights() if weights is None else weights
         self.reference: Reference = Hold(reference) if isinstance(reference, Equilibrium) else reference
+        check_reference(self.reference, dynamics)
         self.hard = InputLimits.of(dynamics, self.rate_max, self.dt, self.u_max)
         refuse_beyond(self.reference, dynamics.input_labels, self.hard.range)
         self._roll = rolling(dynamics, asked.dt)

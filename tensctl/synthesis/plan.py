@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from tensctl.errors import SynthesisError
+from tensctl.scene import Scene, TargetStage
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.tables import per_member
+from tensctl.scene.values import Number
 from tensctl.statics import Equilibrium, find_equilibrium
 from tensctl.synthesis.all_along import plan_all_along
 from tensctl.synthesis.input_limits import check_floor, input_range
@@ -18,9 +21,6 @@ from tensctl.synthesis.shape_limits import Asked
 from tensctl.synthesis.target import wanted_target
 from tensctl.synthesis.tension_room import stalled
 from tensctl.synthesis.weights import Size
-
-if TYPE_CHECKING:
-    from tensctl.scene import Scene, TargetStage
 
 
 def plan_shape(
@@ -55,7 +55,9 @@ def plan_shape(
         A floor below 0, a shape out of reach, a start beyond a stall limit or u_max or with rods too near, or a
         duration too short for the rate or power limit.
     """
+    check_kind(Scene, scene=scene)
     start = find_equilibrium(scene) if start is None else start
+    check_kind(Equilibrium, start=start)
     if not start.stable:
         raise SynthesisError(f"a path starts from a stable equilibrium, and this one is: {start.stable}.")
     if beyond := stalled(start):
@@ -69,6 +71,10 @@ def plan_shape(
     if scene.mpc is not None:
         rate_max = scene.mpc.rate_max if rate_max is None else rate_max
         u_max = scene.mpc.u_max if u_max is None else u_max
+    if rate_max is not None:
+        rate_max = argument("rate_max", rate_max, Number("m/s", above=0))
+    if u_max is not None:
+        u_max = argument("u_max", u_max, per_member(Number("m", above=0)))
     members = start.potential.members
     refuse_beyond(Hold(start), members.gearing.labels, input_range(start.structure, members, u_max))
     legs = tuple(legs_of(wanted, start.structure, start.nodes))

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
+from tensctl.model import Dynamics
 from tensctl.statics import Equilibrium
 
 # A reference may be beyond the range of inputs by this, m: rounding of the planned equilibria.
@@ -79,6 +80,24 @@ class Hold:
     def knot_at(self, t: float) -> int:
         """The only one."""
         return 0
+
+
+def check_reference(reference: object, dynamics: Dynamics) -> None:
+    """Refuse what is no reference, or one of another structure.
+
+    Raises
+    ------
+    SynthesisError
+        With what was given.
+    """
+    if not hasattr(reference, "equilibria"):
+        raise SynthesisError(f"path is of type {type(reference).__name__}; the ShapePath of tc.plan_shape is expected.")
+    theirs, ours = reference.equilibria[0].structure, dynamics.structure
+    if theirs.node_labels != ours.node_labels or theirs.tendon_labels != ours.tendon_labels:
+        raise SynthesisError(
+            f"path is of another structure, with {len(theirs.nodes)} nodes and {len(theirs.tendons)} tendons where the "
+            f"model has {len(ours.nodes)} and {len(ours.tendons)}; plan it for the model's scene."
+        )
 
 
 def rests(reference: Reference, t: float) -> bool:

@@ -1,7 +1,7 @@
 """What a sample tells a predictive controller: a state, or nothing.
 
 Rods keep their lengths, so nodes between which a rod has grown or shrunk by half are no measurement of this structure;
-neither are numbers that are missing (NaN) or infinite, nor a sample that never came (None).
+neither are numbers that are missing (NaN), infinite or beyond all measure, nor a sample that never came (None).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from tensctl.errors import SynthesisError
 from tensctl.structure import Structure
@@ -17,6 +17,8 @@ from tensctl.synthesis.feedback import Measured
 
 # Part of its length by which a rod may seem changed: far beyond the noise of any sensor that could control a shape.
 FITS = 0.5
+# What is larger is no number, as in exported source: squares and products of it would soon be none.
+LARGEST = 1e40
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,11 @@ class Seen:
     inputs: Float[np.ndarray, " nu"]
     tensions: Float[np.ndarray, " nt"] | None = None
     commands: Float[np.ndarray, " nu"] | None = None
+
+
+def numbers(values: object) -> Bool[np.ndarray, "..."]:
+    """Where values are numbers, and no larger than any that could have been measured."""
+    return np.abs(np.asarray(values, float)) <= LARGEST
 
 
 def refuse_misshapen(structure: Structure, inputs: int, measurement: object) -> None:
@@ -72,7 +79,7 @@ def seen(
     ends, moving = nodes[structure.rods], velocities[structure.rods]
     stretch = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / structure.rod_lengths - 1.0
     fits = np.abs(stretch).max() <= FITS  # never of numbers that are missing
-    if not (fits and np.isfinite(moving).all()):
+    if not (fits and numbers(moving).all()):
         return None
     tensions = getattr(measurement, "tensions", None)
     return Seen(nodes, velocities, inputs, None if tensions is None else np.asarray(tensions), commands)
@@ -80,4 +87,4 @@ def seen(
 
 def known_inputs(measured: np.ndarray | None, believed: Float[np.ndarray, " nu"]) -> Float[np.ndarray, " nu"]:
     """Inputs as measured, and as believed where nothing was measured, m."""
-    return believed if measured is None else np.where(np.isfinite(measured), measured, believed)
+    return believed if measured is None else np.where(numbers(measured), measured, believed)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 from typing import Protocol
 
 import numpy as np
@@ -18,12 +17,16 @@ from jaxtyping import Float
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
 from tensctl.linear.outputs import safe_label
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.tables import per_member
+from tensctl.scene.values import Number
 from tensctl.statics import Equilibrium
 from tensctl.structure import Structure
 from tensctl.structure.labels import by_label
 from tensctl.synthesis.shown import shown
 
 Noise = float | Mapping[str, float]
+_UNITS = {"lengths": "m", "tensions": "N", "nodes": "m"}
 
 
 class Measurable(Protocol):
@@ -141,6 +144,8 @@ def sensors(
     SynthesisError
         A noise that is no positive number, nothing measured, or positions of a structure that floats freely.
     """
+    check_kind(Structure, structure=structure)
+    seed = argument("sensors.seed", seed, Number(least=0, whole=True))
     tendons = structure.tendon_labels
     by_length = _noise("lengths", tendons, lengths)
     by_tension = _noise("tensions", tendons, tensions)
@@ -161,11 +166,5 @@ def sensors(
 def _noise(name: str, labels: tuple[str, ...], given: Noise | None) -> np.ndarray:
     if given is None:
         return np.full(len(labels), np.inf)
-    if not all(isinstance(value, Real) for value in (given.values() if isinstance(given, Mapping) else (given,))):
-        raise SynthesisError(f"sensors.{name} is {given!r}; a number, or a table of numbers by label, is expected.")
-    noise = by_label(labels, given, f"sensors.{name}", np.inf)
-    if not (noise > 0).all():
-        raise SynthesisError(
-            f"the noise of {name} is {noise[~(noise > 0)][0]:g}; a standard deviation > 0 is expected."
-        )
-    return noise
+    noise = argument(f"sensors.{name}", given, per_member(Number(_UNITS[name], above=0)))
+    return by_label(labels, noise, f"sensors.{name}", np.inf)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
+from tensctl.scene.complaint import shown
 from tensctl.synthesis.mpc_weights import Weights
 
 
@@ -25,6 +27,14 @@ class Courses:
     """
 
     table: Mapping[str, tuple[Sequence[float], Sequence[float]]]
+
+    def __post_init__(self) -> None:
+        given = self.table.values() if isinstance(self.table, Mapping) else [None]
+        if not all(isinstance(course, tuple | list) and len(course) == 2 for course in given):
+            raise SynthesisError(
+                'courses are a table of (times, values) by output, as {"P4_1_1_x": ([0.0, 1.0], [0.0, 0.01])}; '
+                f"{shown(self.table)} was given."
+            )
 
 
 Wanted = Callable[[float], Any] | tuple[Any, Any] | Courses
@@ -72,14 +82,14 @@ class Signal:
         return values
 
     def _between(self, times: np.ndarray, given: tuple[Any, Any], labels: Sequence[str]) -> np.ndarray:
-        knots = np.asarray(given[0], float)
+        knots = _numbers("the times of a signal", given[0])
         if knots.ndim != 1 or not knots.size or not np.isfinite(knots).all() or (np.diff(knots) <= 0).any():
             raise SynthesisError("the times of a signal do not ascend; expected finite times, each after the last, s.")
         values = self._checked("the signal's table", given[1], (knots.size, len(labels)))
         return np.stack([np.interp(times, knots, column) for column in values.T], axis=1)
 
     def _checked(self, name: str, given: Any, shape: tuple[int, ...]) -> np.ndarray:
-        values = np.asarray(given, float)
+        values = _numbers(name, given)
         values = values[..., None] if values.shape == shape[:-1] and shape[-1] == 1 else values
         if values.shape != shape or not np.isfinite(values).all():
             odd = " and not all finite" if values.shape == shape else ""
@@ -88,6 +98,23 @@ class Signal:
                 f"{', '.join(self.labels)}."
             )
         return values
+
+
+def _numbers(name: str, given: Any) -> np.ndarray:
+    try:
+        return np.asarray(given, float)
+    except (TypeError, ValueError, OverflowError):
+        raise SynthesisError(f"{name} is {shown(given)}; finite numbers are expected.") from None
+
+
+def _takes_time(given: Callable[..., Any]) -> bool:
+    try:
+        signature(given).bind(0.0)
+    except TypeError:
+        return False
+    except ValueError:  # a compiled function does not tell
+        return True
+    return True
 
 
 def signal_for(weights: Weights, linear: LinearModel, given: Wanted | None) -> Signal | None:
@@ -109,6 +136,8 @@ def signal_for(weights: Weights, linear: LinearModel, given: Wanted | None) -> S
             f"signal is of type {type(given).__name__}; a function of time, two arrays (times, values), or tc.Courses "
             "is expected."
         )
+    if callable(given) and not _takes_time(given):
+        raise SynthesisError("signal takes no time; a function of one number, s, is expected.")
     signal = Signal(weights.of_outputs(linear).linear.outputs, given)
     signal.at(np.zeros(1))
     return signal

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from tensctl.analysis import controllability
 from tensctl.linear import linearize
 from tensctl.model import Dynamics
+from tensctl.scene.given import check_kind
 from tensctl.statics import Equilibrium, compliance
 from tensctl.synthesis.path import ShapePath
 from tensctl.synthesis.rod_room import nearest
@@ -120,6 +121,8 @@ def survey(path: ShapePath, dynamics: Dynamics) -> PathSurvey:
     EquilibriumError
         Where a motion has no stiffness.
     """
+    check_kind(ShapePath, path=path)
+    check_kind(Dynamics, dynamics=dynamics)
     times = path.time
     return PathSurvey(tuple(_station(path, dynamics, e, t) for e, t in zip(path.equilibria, times, strict=True)))
 

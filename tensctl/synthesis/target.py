@@ -246,6 +246,6 @@ def wanted_target(scene: Scene, asked: float | Mapping[str, object] | TargetStag
     if isinstance(asked, TargetStage):
         return asked
     if isinstance(asked, Mapping):
-        return TargetStage.checked(**asked)
+        return TargetStage.checked(**{str(key): value for key, value in asked.items()})
     timing = {} if scene.target is None else {"start": scene.target.start, "duration": scene.target.duration}
     return TargetStage.checked(height_scale=asked, **timing)

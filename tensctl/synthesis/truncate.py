@@ -16,6 +16,8 @@ import numpy as np
 from tensctl.analysis.gramian import gramian, oscillators
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.values import Choice, Number
 from tensctl.synthesis.truncation import Truncated, balance, balanced, modal
 from tensctl.threads import one_blas_thread
 
@@ -93,6 +95,10 @@ def truncate(
     SynthesisError
         An undamped structure with neither of them, or an order that is not there.
     """
+    check_kind(LinearModel, linear=linear)
+    argument("method", method, Choice("balanced", "modal"))
+    if horizon is not None:
+        horizon = argument("horizon", horizon, Number("s", above=0))
     model = linear.flexible
     A = model.A if damping is None else model.A - _damper(model, damping)
     if not len(model.outputs):
@@ -103,8 +109,6 @@ def truncate(
         return ReducedModel(model, A, modal(A, model.B, model.C, order), None)
     if horizon is None:
         return ReducedModel(model, A, balanced(A, model.B, model.C, order), None)
-    if not (np.isfinite(horizon) and horizon > 0):
-        raise SynthesisError(f"horizon is {horizon}; a time > 0 s is expected.")
     modes = oscillators(model) if damping is None else None
     reach, sight = gramian(A, model.B, horizon, modes), gramian(A.T, model.C.T, horizon, modes, transposed=True)
     cut = balance(A, model.B, model.C, reach.factor, sight.factor, order)
@@ -114,8 +118,7 @@ def truncate(
 
 def _damper(linear: LinearModel, ratio: float) -> np.ndarray:
     """2 ratio omega on the speeds of every mode."""
-    if not (np.isfinite(ratio) and ratio > 0):
-        raise SynthesisError(f"damping is {ratio}; a damping ratio > 0 is expected.")
+    ratio = argument("damping", ratio, Number("a damping ratio", above=0))
     half = len(linear.modes)
     both = np.concatenate([np.zeros(half), 2 * ratio * linear.scales])
     return np.diag(both[linear.order])

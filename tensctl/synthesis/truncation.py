@@ -12,6 +12,7 @@ loop.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 import scipy.linalg as sla
@@ -19,6 +20,7 @@ from jaxtyping import Float, Inexact
 
 from tensctl.analysis.gramian import gramian, summed
 from tensctl.errors import SynthesisError
+from tensctl.scene.complaint import shown
 
 # Hankel values below this part of the largest are rounding: states that nothing drives or nobody sees.
 NOISE = 1e-14
@@ -150,8 +152,9 @@ def gramian_factor(A: np.ndarray, B: np.ndarray, *, sampled: bool = False) -> In
 
 def check_order(order: int, size: int) -> None:
     """Refuse an order that is no whole number from 1 to the number of states."""
-    if int(order) != order or not 1 <= order <= size:
-        raise SynthesisError(f"order is {order}; a whole number from 1 to {size} is expected.")
+    whole = isinstance(order, Integral) and not isinstance(order, bool)
+    if not (whole and 1 <= order <= size):
+        raise SynthesisError(f"order is {shown(order)}; a whole number from 1 to {size} is expected.")
 
 
 def _check_stable(poles: np.ndarray, sampled: bool) -> None:

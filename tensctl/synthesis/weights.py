@@ -8,7 +8,7 @@ D'WD to R: the cross term N is part of the cost, not an approximation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +17,14 @@ from jaxtyping import Inexact
 from tensctl.analysis.scaling import input_stiffness
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.tables import per_member
+from tensctl.scene.values import Number
 from tensctl.structure.labels import by_label
 from tensctl.synthesis.shown import shown
 
 Size = float | Mapping[str, float]
+_UNITS = {"nodes": "m", "tensions": "N", "rest_lengths": "m"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,16 +78,17 @@ def weights(
     SynthesisError
         A size that is no positive number, or an input that costs nothing.
     """
+    check_kind(LinearModel, linear=linear)
     flexible = linear.flexible
     structure, nx, nu = flexible.dynamics.structure, *flexible.B.shape
     total = np.zeros((nx + nu, nx + nu))
     if energy is not None:
-        total[:nx, :nx] += 0.5 * np.eye(nx) / positive_sizes("energy", np.array([energy]))[0]
+        total[:nx, :nx] += 0.5 * np.eye(nx) / argument("energy", energy, Number("J", above=0))
     if nodes is not None:
-        sizes = positive_sizes("nodes", by_label(structure.node_labels, nodes, "nodes", np.inf))
+        sizes = allowed_sizes("nodes", structure.node_labels, nodes)
         total += _squares(shown(flexible, "nodes"), sizes[np.flatnonzero(structure.free) // 3])
     if tensions is not None:
-        sizes = positive_sizes("tensions", by_label(structure.tendon_labels, tensions, "tensions", np.inf))
+        sizes = allowed_sizes("tensions", structure.tendon_labels, tensions)
         total += _squares(shown(flexible, "tensions"), sizes)
     total[nx:, nx:] += np.diag(_of_inputs(flexible, energy, rest_lengths))
     if nu and rest_lengths is None and np.linalg.eigvalsh(total[nx:, nx:]).min() <= 0:
@@ -93,8 +98,7 @@ def weights(
 
 def _of_inputs(linear: LinearModel, energy: float | None, sizes: Size | None) -> np.ndarray:
     if sizes is not None:
-        labels = linear.dynamics.input_labels
-        return 1 / positive_sizes("rest_lengths", by_label(labels, sizes, "rest_lengths", np.inf)) ** 2
+        return 1 / allowed_sizes("rest_lengths", linear.dynamics.input_labels, sizes) ** 2
     return np.zeros(linear.B.shape[1]) if energy is None else 0.5 * input_stiffness(linear) / energy
 
 
@@ -103,9 +107,8 @@ def _squares(linear: LinearModel, sizes: np.ndarray) -> np.ndarray:
     return scaled.T @ scaled
 
 
-def positive_sizes(name: str, sizes: np.ndarray) -> np.ndarray:
-    """Allowed sizes, refused where one is no positive number."""
-    wrong = ~(sizes > 0)
-    if wrong.any():
-        raise SynthesisError(f"{name} has the allowed size {sizes[wrong][0]:g}; a number > 0 is expected.")
-    return sizes
+def allowed_sizes(name: str, labels: Sequence[str], given: Size) -> np.ndarray:
+    """Allowed sizes by label, infinite where none is named or said; refused where one is no positive number."""
+    if not (isinstance(given, float) and given == np.inf):
+        given = argument(name, given, per_member(Number(_UNITS[name], above=0)))
+    return by_label(labels, given, name, np.inf)
