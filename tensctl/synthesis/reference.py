@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -82,7 +82,7 @@ class Hold:
         return 0
 
 
-def check_reference(reference: object, dynamics: Dynamics) -> None:
+def check_reference(reference: Any, dynamics: Dynamics) -> None:
     """Refuse what is no reference, or one of another structure.
 
     Raises
