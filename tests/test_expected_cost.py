@@ -52,7 +52,7 @@ def test_is_that_of_the_covariance(design, force_noise):
 def test_grows_with_the_square_of_the_noise(design):
     assert design.expected_cost(0.2) == pytest.approx(4 * design.expected_cost(0.1), rel=1e-12)
     assert design.expected_cost(0.0) == 0.0
-    with pytest.raises(tc.SynthesisError, match="a number >= 0 is expected"):
+    with pytest.raises(tc.SynthesisError, match="expected a finite number >= 0"):
         design.expected_cost(-1.0)
 
 
