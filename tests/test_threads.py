@@ -3,7 +3,7 @@
 from threading import Event, Thread
 
 import pytest
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from tensctl.threads import one_blas_thread
 
@@ -30,16 +30,21 @@ def test_the_limit_ends_with_an_error_too():
 
 
 def test_the_last_of_two_threads_to_leave_ends_the_limit():
-    """The other one enters within the first's block and leaves after it."""
-    if threads() == {1}:
-        pytest.skip("BLAS has one thread anyway")
-    before, entered, left, seen = threads(), Event(), Event(), []
+    """The other one enters within the first's block and leaves after it; two threads are asked for on any machine."""
+    with threadpool_limits(2, user_api="blas"):
+        assert overlapping() == (2, 1, 2)
+
+
+def overlapping():
+    """BLAS threads before two blocks that overlap, in the second when the first is left, and after both."""
+    entered, left, seen = Event(), Event(), []
+    (before,) = threads()
 
     def other():
         with one_blas_thread():
             entered.set()
             left.wait(10)
-            seen.append(threads())
+            seen.extend(threads())
 
     beside = Thread(target=other)
     with one_blas_thread():
@@ -47,5 +52,5 @@ def test_the_last_of_two_threads_to_leave_ends_the_limit():
         entered.wait(10)
     left.set()
     beside.join()
-    assert seen == [{1}]
-    assert threads() == before
+    (within,), (after,) = seen, threads()
+    return before, within, after
