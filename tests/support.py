@@ -74,6 +74,15 @@ def random_motion(potential: Potential, rng, reach=0.1, speed=1.0):
     return nodes, velocities
 
 
+def lively_plan(dynamics, rng, periods, reach=0.05, speed=0.5, *, lags=False):
+    """A motion, inputs as they are, commands (elsewhere where actuators lag), and a plan that departs from these."""
+    nodes, velocities = random_motion(dynamics.potential, rng, reach, speed)
+    now, *asked = 0.02 * rng.standard_normal((1 + lags, dynamics.members.gearing.size))
+    commands = asked[0] if lags else now
+    plan = commands + np.cumsum(0.003 * rng.standard_normal((periods, now.size)), axis=0)
+    return nodes, velocities, now, commands, plan
+
+
 def order_of(steps, errors):
     """Slope of log error against log step: the order of convergence."""
     return np.polyfit(np.log(steps), np.log(errors), 1)[0]

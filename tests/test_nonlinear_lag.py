@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from linear_support import SCENES
-from support import disturbed, order_of, random_motion, shell_scene, solved, taylor_order
+from support import disturbed, lively_plan, order_of, shell_scene, solved, taylor_order
 
 import tensctl as tc
 from tensctl.linear.state_slopes import states_and_slopes
@@ -60,9 +60,7 @@ class TestRollout:
     def test_taylor_remainders(self, name, rng):
         """Nodes, velocities, stretches and rest lengths leave remainders of second order, slack tendons among them."""
         dynamics = tc.build_dynamics(SCENES[name])
-        nodes, velocities = random_motion(dynamics.potential, rng, 0.05, 0.5)
-        now, asked = 0.02 * rng.standard_normal((2, dynamics.members.gearing.size))
-        plan = asked + np.cumsum(0.003 * rng.standard_normal((HORIZON, now.size)), axis=0)
+        nodes, velocities, now, asked, plan = lively_plan(dynamics, rng, HORIZON, lags=True)
         roll, way = replace(rolling(dynamics, DT), lag=LAG), rng.standard_normal(plan.shape)
         here = roll(nodes, velocities, now, plan, commands=asked)
         assert (here.stretches < 0).any()

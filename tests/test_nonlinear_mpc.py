@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from linear_support import SCENES
-from support import disturbed, order_of, random_motion, shell_scene, solved, taylor_order
+from support import disturbed, lively_plan, order_of, shell_scene, solved, taylor_order
 
 import tensctl as tc
 from tensctl.linear.state_slopes import states_and_slopes
@@ -28,9 +28,7 @@ STEPS = np.array([1e-2, 1e-3]) / 10
 def rough(name, rng, reach=0.05, speed=0.5):
     """Dynamics of a scene, a state in which many tendons are slack, inputs and a plan."""
     dynamics = tc.build_dynamics(SCENES[name])
-    nodes, velocities = random_motion(dynamics.potential, rng, reach, speed)
-    now = 0.02 * rng.standard_normal(dynamics.members.gearing.size)
-    plan = now + np.cumsum(0.003 * rng.standard_normal((HORIZON, now.size)), axis=0)
+    nodes, velocities, now, _, plan = lively_plan(dynamics, rng, HORIZON, reach, speed)
     return dynamics, nodes, velocities, now, plan
 
 

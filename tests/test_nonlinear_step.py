@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from casadi_rollout import rolled_out
 from linear_support import SCENES
-from support import disturbed, random_motion, shell_scene, solved
+from support import disturbed, lively_plan, shell_scene, solved
 
 import tensctl as tc
 from tensctl.synthesis.qp_anew import answer
@@ -36,9 +36,7 @@ def controller(steering):
 def test_derivatives_are_those_of_casadi(name, rng):
     """Slack tendons, clamped dampers, cables: the own tangents are the algorithmic derivatives of the same steps."""
     dynamics = tc.build_dynamics(SCENES[name])
-    nodes, velocities = random_motion(dynamics.potential, rng, 0.05, 0.5)
-    now = 0.02 * rng.standard_normal(dynamics.members.gearing.size)
-    plan = now + np.cumsum(0.003 * rng.standard_normal((HORIZON, now.size)), axis=0)
+    nodes, velocities, now, _, plan = lively_plan(dynamics, rng, HORIZON)
     roll = rolling(dynamics, DT)
     ours = roll(nodes, velocities, now, plan)
     theirs = rolled_out(dynamics, DT, roll.steps, nodes, velocities, now, plan)
@@ -53,9 +51,7 @@ def test_derivatives_are_those_of_casadi(name, rng):
 def test_derivatives_behind_a_lag_are_those_of_casadi(name, lag, rng):
     """Rest lengths that are elsewhere than commands, and follow all that the plan has asked for so far."""
     dynamics = tc.build_dynamics(SCENES[name])
-    nodes, velocities = random_motion(dynamics.potential, rng, 0.05, 0.5)
-    now, commands = 0.02 * rng.standard_normal((2, dynamics.members.gearing.size))
-    plan = commands + np.cumsum(0.003 * rng.standard_normal((HORIZON, now.size)), axis=0)
+    nodes, velocities, now, commands, plan = lively_plan(dynamics, rng, HORIZON, lags=True)
     roll = replace(rolling(dynamics, DT), lag=lag)
     ours = roll(nodes, velocities, now, plan, commands=commands)
     theirs = rolled_out(dynamics, DT, roll.steps, nodes, velocities, now, plan, lag=lag, commands=commands)

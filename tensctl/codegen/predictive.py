@@ -23,7 +23,7 @@ from tensctl.synthesis import (
     qp_primal,
     relaxed,
 )
-from tensctl.synthesis.piece import ONE_MORE, Piece
+from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.qp import ACCEPT
 from tensctl.synthesis.step_record import KEPT
 
@@ -36,7 +36,7 @@ _ROOM = 250
 # Constants of the two searches; the others are Python's.
 _SEARCH = {
     "feasible": _FEASIBLE, "no_curvature": dual.NO_PIVOT, "few_free": primal.FEW, "fixed": primal.FIXED,
-    "given": primal.GIVEN,
+    "fixed_slack": primal.FIXED_SLACK,
     "no_move": primal.NO_MOVE, "drift": primal.DRIFT, "circles": primal.CIRCLES, "at_limit": primal.AT_LIMIT,
     "no_pivot": bordered.NO_PIVOT, "wrong_push": qp_primal.TOL, "roughly": constant_rates.TOL,
 }  # fmt: skip
@@ -79,7 +79,7 @@ def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
         ],
         "search": _SEARCH, "accept": ACCEPT, "fine": qp_primal.FINE, "astray": qp_primal.ASTRAY,
         "far_off": qp_primal.FAR, "once_more": qp_primal.ONCE_MORE,
-        "dearer": relaxed.DEAR / relaxed.PRICE, "one_more": ONE_MORE,
+        "dearer": relaxed.DEAR / relaxed.PRICE, "keeping": qp_primal.KEEPING,
         "floor_kept": KEPT,
     }  # fmt: skip
 

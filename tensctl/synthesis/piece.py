@@ -7,9 +7,9 @@ gives way, one more search from there, at a price that only the impossible is wo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -19,13 +19,12 @@ from tensctl.linear.propagate import Stretch, stretch
 from tensctl.synthesis.condensed import Condensed, stiffness_spread
 from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.qp import QP, Solution, Solver
-from tensctl.synthesis.qp_primal import FINE, PrimalSolver
 from tensctl.synthesis.qp_solvers import new_solver, order_of, quick_ones
 from tensctl.synthesis.relaxed import DEAR, Relaxed
 from tensctl.synthesis.step_record import KEPT
 
-# Share of a search's work for the one that tells whether floors have to give way.
-ONE_MORE = 0.5
+if TYPE_CHECKING:
+    from tensctl.synthesis.qp_primal import PrimalSolver
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +46,7 @@ class Piece:
     first: str
 
     def __post_init__(self) -> None:
-        for name, soft in quick_ones(self.first, self.problem.H.shape[0]):
+        for name, soft in quick_ones(self.first):
             self.solver(name, soft=soft)  # what takes long is done before the first step
             if soft:
                 _ = self.relaxed
@@ -92,9 +91,10 @@ class Piece:
     def _kept(self, hard: QP, plan: Float[np.ndarray, "N nu"]) -> tuple[Float[np.ndarray, "N nu"], str, float] | None:
         """The answer that keeps all limits, searched from one that gives way; nothing where there is none."""
         searching = cast("PrimalSolver", self.solver("primal", soft=True))
-        asked = self.relaxed.problem(replace(hard, guess=plan.ravel()), DEAR)
-        found = self.relaxed.kept(hard, searching.solve(asked, ONE_MORE))
-        return (found.z.reshape(plan.shape), "primal", found.kkt) if found.z is not None and found.kkt <= FINE else None
+        found = searching.keep(hard, self.relaxed.problem(hard, DEAR), plan.ravel())
+        if found.status != "solved" or found.z is None:
+            return None
+        return found.z.reshape(plan.shape), "primal", found.kkt
 
     @cached_property
     def spread(self) -> float:

@@ -26,7 +26,7 @@ FEW = 150
 # A rate whose free curvature is this many times its own is fixed by the rows that act.
 FIXED = 1e9
 # The same of a slack, which a high price moves far: with 1e9 slacks went to -4e-7 m unseen.
-GIVEN = 1e14
+FIXED_SLACK = 1e14
 # A component below this part of the largest does not move.
 NO_MOVE = 1e-10
 # Push on what is free at a minimum, over the largest term that it is the sum of: from here on the inverse is made anew.
@@ -327,7 +327,7 @@ def _first_limit(
         if e >= n + form.stages or abs(d) <= still:
             continue
         own = form.G[e, e] if e < n else form.curvature
-        if basis.inverse[k, k] * own * (FIXED if e < n else GIVEN) < 1.0:
+        if basis.inverse[k, k] * own * (FIXED if e < n else FIXED_SLACK) < 1.0:
             continue
         if d < 0.0:
             part = ((step.lower[e] if e < n else 0.0) - point.x[e]) / d

@@ -33,6 +33,8 @@ FINE = 1e-9
 FAR = 0.1
 # Part of the work for the search from constant rates: it makes their multipliers known and goes down a little.
 ONCE_MORE = 0.1
+# Part of the work for the search that tells whether floors have to give way.
+KEEPING = 0.5
 # Most entries of the basis of a bounded search, or half the variables: the inverse then takes 1.3 MB, 18 MB at (8,4).
 _ROOM = 400
 # What passes a hard limit by more than this, m, has lost its way among pivots that are nearly nothing.
@@ -93,24 +95,31 @@ class PrimalSolver:
         rest = primal.Step(0 * wide, 0.0, -wide, wide, floors, -wide, wide)
         primal.search(self._form, rest, 0 * wide, 1, tol, 0.0)  # no control step should wait for the kernel
 
-    def solve(self, qp: QP, share: float = 1.0) -> Solution:
-        """Solve with new f and bounds, within a share of the work; only with all of it a search may begin again."""
-        soft = qp if self._relaxed is None else self._relaxed.problem(qp)
-        n, r = self._form.by_rate.shape
-        size = n + self._stages
-        step = primal.Step(
-            g=self._summed(soft.f[:n]), price=float(soft.f[n]), lower=soft.lower[size + r :],
-            upper=soft.upper[size + r :], floor=soft.lower[size : size + r], low=soft.lower[:n], high=soft.upper[:n],
-        )  # fmt: skip
+    def solve(self, qp: QP) -> Solution:
+        """Solve with new f and bounds."""
+        n = self._form.G.shape[0]
+        step = self._step(qp if self._relaxed is None else self._relaxed.problem(qp))
         guess = np.zeros(n) if qp.guess is None else qp.guess
-        found = self._searched(qp, step, guess, share * self._work)
-        if found.status != "bounded" or found.kkt <= FAR or share < 1.0 or qp.start is None or not self._roughly:
+        found = self._searched(qp, step, guess, self._work)
+        if found.status != "bounded" or found.kkt <= FAR or qp.start is None or not self._roughly:
             return found
         now = qp.start[-(n // self._stages) :]
         for rough, share in self._roughly:
             guess = rough.plan(step, now, guess, share * self._work)
         other = self._searched(qp, step, guess, ONCE_MORE * self._work)
         return min((found, other), key=lambda one: np.inf if one.z is None else qp.objective(one.z))
+
+    def keep(self, hard: QP, dear: QP, guess: Float[np.ndarray, " n"]) -> Solution:
+        """Solve a problem without slacks by one search of its relaxation, at a price that no cost is worth."""
+        return self._searched(hard, self._step(dear), guess, KEEPING * self._work)
+
+    def _step(self, soft: QP) -> primal.Step:
+        n, r = self._form.by_rate.shape
+        size = n + self._stages
+        return primal.Step(
+            g=self._summed(soft.f[:n]), price=float(soft.f[n]), lower=soft.lower[size + r :],
+            upper=soft.upper[size + r :], floor=soft.lower[size : size + r], low=soft.lower[:n], high=soft.upper[:n],
+        )  # fmt: skip
 
     def _searched(self, qp: QP, step: primal.Step, guess: Float[np.ndarray, " n"], work: float) -> Solution:
         """The answer of one search."""
@@ -124,7 +133,7 @@ class PrimalSolver:
         held = np.clip(-push[:n], np.where(at_lower, -np.inf, 0.0), np.where(at_upper, np.inf, 0.0))
         tension, inner = np.minimum(multipliers[:r], 0.0), multipliers[r:]
         slacks = np.minimum(-push[n:], 0.0)
-        if self._relaxed is None:
+        if qp.f.size > n:
             z, y = np.append(inputs, x[n:]), np.concatenate([inner, slacks, tension, held])
         elif x[n:].any():
             return judged(qp, None, None, "infeasible" if ended == primal.SOLVED else "failed")

@@ -54,9 +54,12 @@ def order_of(first: str, variables: int, spread: float) -> tuple[tuple[str, bool
     return (*((name, False) for name in hard), *((name, True) for name in soft))
 
 
-def quick_ones(first: str, variables: int) -> tuple[tuple[str, bool], ...]:
-    """Those that nearly all steps end with; no control step should wait for their set-up."""
-    return ((first, False), *(("primal", True),) * (first == "dual" and variables > _FEW))
+def quick_ones(first: str) -> tuple[tuple[str, bool], ...]:
+    """Those that nearly all steps end with; no control step should wait for their set-up.
+
+    Whoever answers with floors that give way, the primal one is asked whether they have to.
+    """
+    return ((first, False), ("primal", True))
 
 
 def new_solver(name: str, problem: Condensed, *, soft: bool, tol: float | None = None) -> Solver:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.synthesis.qp import QP, Solution, judged
+from tensctl.synthesis.qp import QP
 
 # The price of giving way over the steepest cost in sight, and the one that tells whether anything has to. At the
 # second one limits are kept up to 1e-6 of the edge; to begin with it leaves more searches unfinished, and interior
@@ -77,15 +77,6 @@ class Relaxed:
             start=qp.start,
             guess=qp.guess,
         )
-
-    def kept(self, qp: QP, found: Solution) -> Solution:
-        """An answer as one without slacks: infeasible where it needs one, failed where it is no optimum."""
-        n = qp.f.size
-        if found.status != "solved" or found.z is None or found.y is None:
-            return judged(qp, None, None, "failed")
-        if found.z[n:].any():
-            return judged(qp, None, None, "infeasible")
-        return judged(qp, found.z[:n], np.delete(found.y, slice(n, n + self.horizon)), "solved")
 
 
 def relax(qp: QP, horizon: int) -> QP:

@@ -13,6 +13,7 @@ static void set_aside(struct aside *aside)
     memcpy(aside->lower, self.lower, sizeof aside->lower);
     memcpy(aside->upper, self.upper, sizeof aside->upper);
     memcpy(aside->value, self.value, sizeof aside->value);
+    aside->kkt = self.report.kkt;
 }
 
 static void take_back_problem(const struct aside *aside)
@@ -21,6 +22,12 @@ static void take_back_problem(const struct aside *aside)
     memcpy(self.gradient, aside->gradient, sizeof self.gradient);
     memcpy(self.lower, aside->lower, sizeof self.lower);
     memcpy(self.upper, aside->upper, sizeof self.upper);
+}
+
+static void take_back_point(const struct aside *aside)
+{
+    memcpy(self.value, aside->value, sizeof self.value);
+    self.report.kkt = aside->kkt;
 }
 
 /* Cost of the point; slope and values anew. */
@@ -108,7 +115,7 @@ static void plan_roughly(const struct problem *rough, const struct aside *whole,
 static int searched_again(double *plan, const double *now)
 {
     struct aside *whole = &self.room.aside;
-    double first = cost(), kkt = self.report.kkt;
+    double first = cost();
     set_aside(whole);
     see_stay(whole, now);
     for (const struct problem *rough = whole->problem->rough; rough != NULL; rough = rough->rough) {
@@ -119,7 +126,6 @@ static int searched_again(double *plan, const double *now)
     if (ended != GIVEN_UP && cost() < first) {
         return ended;
     }
-    memcpy(self.value, whole->value, sizeof self.value);
-    self.report.kkt = kkt;
+    take_back_point(whole);
     return BOUNDED;
 }

@@ -4,7 +4,7 @@
 struct aside {
     const struct problem *problem;
     double gradient[MOST_ENTRIES], lower[MOST_ENTRIES], upper[MOST_ENTRIES], value[MOST_ENTRIES];
-    double slope[MOST_VARIABLES], tension[MOST_FLOORS];
+    double slope[MOST_VARIABLES], tension[MOST_FLOORS], kkt;
 };
 
 static struct {

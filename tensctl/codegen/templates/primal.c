@@ -12,7 +12,7 @@ static const int few_free = << search.few_free >>;
 /* Of free curvature over its own: rows that act fix such a rate. */
 static const double fixed = << number(search.fixed) >>;
 /* The same of a slack, which a high price moves far. */
-static const double fixed_slack = << number(search.given) >>;
+static const double fixed_slack = << number(search.fixed_slack) >>;
 /* Of the largest component: what is less does not move. */
 static const double no_move = << number(search.no_move) >>;
 /* Push on what is free, over the largest term that it is the sum of: the inverse is made anew. */

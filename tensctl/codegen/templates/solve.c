@@ -4,7 +4,7 @@ static const double wrong_push = << number(search.wrong_push) >>, roughly = << n
 static const double far_off = << number(far_off) >>; /* a bounded answer with a larger KKT residual begins again */
 static const double once_more = << number(once_more) >>; /* part of the work for the search that does */
 static const double dearer = << number(dearer) >>; /* price that tells whether floors have to give way, over the first */
-static const double one_more = << number(one_more) >>; /* part of the work for the search that asks */
+static const double keeping = << number(keeping) >>; /* part of the work for the search that asks */
 static const double astray = << number(astray) >>; /* a rate further out has lost its way among pivots near nothing, m */
 
 /* State a problem whose floors are hard: slope at no rates, minimum without limits, floors. The caller bounds rates and
@@ -65,25 +65,19 @@ static double largest_slack(void)
     return largest_of(self.problem->stages, self.value + self.slacks_from);
 }
 
-static void price_slacks(double factor)
-{
-    for (int s = 0; s < self.problem->stages; s++) {
-        self.gradient[self.slacks_from + s] *= factor;
-    }
-}
-
 /* From an optimum that gives way, search once more at a higher price: where that keeps every floor it answers the hard
  * problem, elsewhere the optimum stays. */
 static void keep_floors(double *guess)
 {
     struct aside *whole = &self.room.aside;
-    double kkt = self.report.kkt;
     set_aside(whole);
     for (int j = 0; j < self.variables; j++) {
         guess[j] = self.value[j] + (j < INPUTS ? 0.0 : guess[j - INPUTS]);
     }
-    price_slacks(dearer);
-    if (searched(guess, one_more * self.problem->work) == SOLVED && largest_slack() <= 0.0) {
+    for (int s = 0; s < self.problem->stages; s++) {
+        self.gradient[self.slacks_from + s] *= dearer;
+    }
+    if (searched(guess, keeping * self.problem->work) == SOLVED && largest_slack() <= 0.0) {
         self.relaxed = 0;
         self.report.kkt = kkt_residual();
         if (self.report.kkt <= fine) {
@@ -91,9 +85,8 @@ static void keep_floors(double *guess)
         }
     }
     self.relaxed = 1;
-    memcpy(self.gradient, whole->gradient, sizeof self.gradient);
-    memcpy(self.value, whole->value, sizeof self.value);
-    self.report.kkt = kkt;
+    take_back_problem(whole);
+    take_back_point(whole);
 }
 
 /* Solve the hard problem; else the relaxed one from the guess, and once more from constant rates where its answer is far
