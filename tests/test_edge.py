@@ -3,46 +3,12 @@
 import numpy as np
 import pytest
 from compiled import Compiled, flat
-from scipy.optimize import linprog
-from support import random_motion, shell_scene, solved
+from edge_support import Thrown
 
 import tensctl as tc
 from tensctl.synthesis.qp_solvers import new_solver
 
-HORIZON, FLOOR = 6, 2.0
 _RELAXED = 1  # `TENSCTL_RELAXED` of the header
-
-
-class Thrown:
-    """The free (3,1) shell in a motion of one direction, and the speed up to which its floors can be kept."""
-
-    def __init__(self, seed):
-        _, rest, linear = solved(shell_scene())
-        self.rest = rest
-        self.mpc = tc.MPC(linear, horizon=HORIZON, tension_min=FLOOR)
-        velocities = random_motion(rest.potential, np.random.default_rng(seed), reach=0.0)[1]
-        self.velocities = velocities / np.abs(velocities).max()
-        self.edge = self._edge()
-
-    def at(self, speed):
-        rest = self.rest
-        look = tc.Measurement(rest.nodes, speed * self.velocities, rest.lengths, rest.tensions, rest.inputs)
-        return self.mpc.statement(0.0, look)
-
-    def _edge(self):
-        """The largest speed for which some plan keeps all limits: they are linear in plan and speed."""
-        still, fast = self.at(0.0)[2], self.at(1.0)[2]
-        rows = np.vstack([np.eye(still.f.size), still.A])
-        above, below = np.isfinite(still.lower), np.isfinite(still.upper)
-        sides = [
-            np.column_stack([-rows[above], fast.lower[above] - still.lower[above]]),
-            np.column_stack([rows[below], still.upper[below] - fast.upper[below]]),
-        ]
-        limits = np.concatenate([-still.lower[above], still.upper[below]])
-        cost = -np.eye(still.f.size + 1)[-1]
-        ranges = [(None, None)] * still.f.size + [(0.0, 100.0)]
-        fine = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-        return linprog(cost, np.vstack(sides), limits, bounds=ranges, method="highs-ds", options=fine).x[-1]
 
 
 @pytest.fixture(scope="module", params=[0, 3, 4, 9])
@@ -51,14 +17,14 @@ def thrown(request):
 
 
 def answered(thrown, part):
-    problem, limits, hard = thrown.at((1 + part) * thrown.edge)
+    problem, limits, hard = thrown.mpc.statement(0.0, thrown.look(part))
     plan, status, kkt = thrown.mpc.piece_at(0.0).answer(limits)
     return plan, status, kkt, limits.shortfall(problem, plan), hard
 
 
 @pytest.mark.parametrize("inside", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
 def test_kept_whenever_they_can_be(thrown, inside):
-    """The optimum of the hard problem, whose multipliers grow to 1e5; a price of 600 alone gave 3e-3 N way."""
+    """The optimum of the hard problem, whose multipliers grow to 1e5 where the first price is 600."""
     plan, _, kkt, shortfall, hard = answered(thrown, -inside)
     assert shortfall < 1e-9
     assert kkt < 1e-9
@@ -84,12 +50,8 @@ def test_given_way_beyond(thrown, outside):
 
 def test_a_step_says_so(thrown):
     """The record of a step near the edge: no floor gave way, and nobody relaxed."""
-    speed = (1 - 1e-4) * thrown.edge
-    rest = thrown.rest
     thrown.mpc.reset()
-    thrown.mpc.step(
-        0.0, tc.Measurement(rest.nodes, speed * thrown.velocities, rest.lengths, rest.tensions, rest.inputs)
-    )
+    thrown.mpc.step(0.0, thrown.look(-1e-4))
     record = thrown.mpc.records[-1]
     assert record.relaxed == 0.0
     assert record.status in ("dual", "primal")
@@ -99,12 +61,8 @@ def test_c_source_keeps_them_too(thrown, tmp_path):
     """Floors kept up to a millionth of the edge, given way beyond it, by the same commands as Python's."""
     tc.export_c(thrown.mpc, tmp_path)
     compiled = Compiled(tmp_path / "controller.c", len(thrown.mpc.linear.inputs))
-    rest = thrown.rest
     for part in (-1e-3, -1e-4, -1e-6, 1e-3):
-        speed = (1 + part) * thrown.edge
-        look = tc.Measurement(
-            rest.nodes, speed * thrown.velocities, rest.lengths, rest.tensions, rest.inputs
-        )  # fmt: skip
+        look = thrown.look(part)
         thrown.mpc.reset()
         compiled.reset()
         wanted = thrown.mpc.step(0.0, look)
