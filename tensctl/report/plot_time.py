@@ -152,7 +152,7 @@ def shape_error(case: Case) -> Plot | None:
             axes.plot(*_positive(run.time, case.path_error), color=ORANGE.light, linewidth=1.2, label="from the path")
         axes.plot(*_positive(run.time, error), color=BLUE.light, linewidth=1.7, label="from the wanted shape")
         if case.path_error is not None:
-            axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False, borderaxespad=0)
+            axes.legend(loc="lower right", bbox_to_anchor=(1, 1.06), ncols=2, frameon=False, borderaxespad=0)
         axes.set_yscale("log")
         log_axis(axes)
         frame(axes, span_of(run.time), "Largest node error, mm")
