@@ -7,13 +7,19 @@ from support import random_motion, shell_scene, solved
 import tensctl as tc
 
 
+def forced(forces, **given):
+    """The (3,1) shell with forces so many times as large and motions the same."""
+    tendons = {"stiffness": 100.0 * forces, "rest_ratio": 0.8}
+    return solved(shell_scene(tendons=tendons, rods={"mass": forces}, **given))
+
+
 class Thrown:
     """The free (3,1) shell in a motion of one direction, and the speed up to which its floors can be kept."""
 
-    def __init__(self, seed, horizon=6, floor=2.0):
-        _, rest, linear = solved(shell_scene())
+    def __init__(self, seed, horizon=6, floor=2.0, forces=1.0):
+        _, rest, linear = forced(forces)
         self.rest = rest
-        self.mpc = tc.MPC(linear, horizon=horizon, tension_min=floor)
+        self.mpc = tc.MPC(linear, horizon=horizon, tension_min=forces * floor)
         velocities = random_motion(rest.potential, np.random.default_rng(seed), reach=0.0)[1]
         self.velocities = velocities / np.abs(velocities).max()
         self.edge = self._edge()

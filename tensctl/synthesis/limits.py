@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.qp import QP
+from tensctl.synthesis.step_record import missing
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +88,8 @@ class Limits:
         )
 
     def shortfall(self, problem: Condensed, plan: Float[np.ndarray, "N nu"]) -> float:
-        """Largest tension that the plan leaves missing below a floor, or has above a stall limit, N."""
+        """Largest tension that the plan leaves missing below a floor, or has above a stall limit, N; 0 with none."""
         rows = problem.rows[: self.tension_margin.size]
         predicted = problem.tension_from_state @ self.start + rows @ plan.ravel()
-        below = -(predicted.reshape(self.tension_margin.shape) + self.tension_margin) * problem.tension_scale
-        return float(below.max(initial=0.0))
+        below = -(predicted.reshape(self.tension_margin.shape) + self.tension_margin)
+        return missing(below, problem.tension_scale)

@@ -41,7 +41,7 @@ from tensctl.synthesis.reference import Hold, Reference, check_reference, refuse
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
 from tensctl.synthesis.seen import Seen, known_inputs, refuse_misshapen, seen
-from tensctl.synthesis.step_record import StepRecord, told
+from tensctl.synthesis.step_record import StepRecord, missing, told
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
 
@@ -183,7 +183,7 @@ class NonlinearMPC:
                 break
             z, status, kkt = found
             wished = z.reshape(plan.shape)
-            relaxed = float((step.beyond(wished) * self._scale).max(initial=0.0))
+            relaxed = missing(step.beyond(wished), self._scale)
             better = self._kept(wished + ahead, now)
             plan, change = better, float(np.abs(better - plan).max())
         status, relaxed = told(status, relaxed)

@@ -21,7 +21,6 @@ from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.qp import QP, Solution, Solver
 from tensctl.synthesis.qp_solvers import new_solver, order_of, quick_ones
 from tensctl.synthesis.relaxed import DEAR, Relaxed
-from tensctl.synthesis.step_record import KEPT
 
 if TYPE_CHECKING:
     from tensctl.synthesis.qp_primal import PrimalSolver
@@ -82,7 +81,7 @@ class Piece:
                     return plan, f"{name} bounded", solution.kkt
                 if not soft:
                     return plan, name, solution.kkt
-                if limits.shortfall(self.problem, plan) > KEPT and (kept := self._kept(hard, plan)) is not None:
+                if limits.shortfall(self.problem, plan) > 0 and (kept := self._kept(hard, plan)) is not None:
                     return kept
                 return plan, f"{name} relaxed", solution.kkt
             infeasible = infeasible or solution.status == "infeasible"

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
-# A shortfall below this, N, is none: a solver that saw no solution was wrong, and the floors are kept after all.
-KEPT = 1e-9
+# A limit of tension that is passed by less, m of its tendon's elongation, is kept: a solver that saw no solution was
+# wrong. Solvers work in metres and miss limits by up to ten times as much (`qp_dual.TOL`); rounding of a metre is
+# 1e-16, and would count as giving way with less. Newtons are too few for stiff tendons and too many for soft ones.
+KEPT = 1e-11
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,11 @@ class StepRecord:
     parted: int = -1
 
 
+def missing(beyond: Float[np.ndarray, "N nT"], stiffness: Float[np.ndarray, " nT"]) -> float:
+    """Tension beyond the worst limit, N, from elongations beyond limits, m, and N/m; 0 where all are kept."""
+    return float((np.where(beyond > KEPT, beyond, 0.0) * stiffness).max(initial=0.0))
+
+
 def told(status: str, relaxed: float) -> tuple[str, float]:
-    """Status and relaxation as a record tells them: a floor that gives way by rounding is kept."""
-    return (status.removesuffix(" relaxed"), 0.0) if relaxed <= KEPT else (status, relaxed)
+    """Status and relaxation as a record tells them: a solver whose limits give way by nothing keeps them."""
+    return (status, relaxed) if relaxed > 0 else (status.removesuffix(" relaxed"), 0.0)

@@ -125,13 +125,14 @@ static void keep_plan(void)
     see_values();
 }
 
-/* Newtons that the plan leaves missing below the worst tension floor. */
+/* Newtons that the plan leaves missing below the worst tension floor; 0 where all are kept. */
 static double shortfall(void)
 {
     double worst = 0.0;
     for (int k = 0; k < MOST_FLOORS; k++) {
         double tension = self.value[self.variables + k] - self.value[self.slacks_from + k / TENSIONS];
-        worst = larger(worst, (self.lower[self.variables + k] - tension) * tension_scale[k % TENSIONS]);
+        double below = self.lower[self.variables + k] - tension;
+        worst = larger(worst, below > kept ? below * tension_scale[k % TENSIONS] : 0.0);
     }
     return worst;
 }
@@ -153,9 +154,8 @@ static void plan_anew(const struct problem *problem)
     }
     self.report.outcome = self.relaxed ? outcomes[ended] : TENSCTL_OK;
     self.report.relaxed = self.relaxed ? shortfall() : 0.0;
-    if (self.report.outcome == TENSCTL_RELAXED && self.report.relaxed <= kept) {
+    if (self.report.outcome == TENSCTL_RELAXED && self.report.relaxed <= 0.0) {
         self.report.outcome = TENSCTL_OK;
-        self.report.relaxed = 0.0;
     }
 }
 

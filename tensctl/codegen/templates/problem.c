@@ -47,4 +47,4 @@ enum {
 enum { SOLVED, BOUNDED, GIVEN_UP };
 
 static const double accept = << number(accept) >>; /* largest KKT residual of an answer whose floors are kept */
-static const double kept = << number(floor_kept) >>; /* a floor that is missed by less is kept, N */
+static const double kept = << number(floor_kept) >>; /* a limit of tension that is passed by less is kept, m */

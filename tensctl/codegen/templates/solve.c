@@ -108,7 +108,7 @@ static int solved(double *guess, const double *now)
     if (ended == BOUNDED && self.report.kkt > far_off && self.problem->rough != NULL) {
         return searched_again(guess, now);
     }
-    if (ended == SOLVED && now != NULL && largest_slack() > 0.0) {
+    if (ended == SOLVED && now != NULL && largest_slack() > kept) {
         keep_floors(guess);
     }
     return ended;
