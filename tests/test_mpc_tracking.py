@@ -260,3 +260,21 @@ class TestSignal:
         tc.MPC(mast[2], horizon=2, weights=tc.Weights(outputs={ring: 1e-3}))
         with pytest.raises(tc.SynthesisError, match="do not show every mode"):
             tc.MPC(mast[2], horizon=2, weights=tc.Weights(energy=0.0, outputs={ring: 1e-3}))
+
+    def test_outputs_that_count_too_little_need_smaller_sizes(self, mast):
+        """Places of all nodes show every mode, however large their sizes: these are blamed, and smaller ones do."""
+        tc.MPC(mast[2], horizon=2, weights=tc.Weights(energy=0.0, outputs={"nodes": 1.0}))
+        with pytest.raises(tc.SynthesisError, match="count too little beside what rest lengths cost, so lower the si"):
+            tc.MPC(mast[2], horizon=2, weights=tc.Weights(energy=0.0, outputs={"nodes": 1e8}))
+
+    def test_outputs_that_show_too_little_are_blamed_at_any_size(self, mast):
+        """One coordinate of one node does not show every mode, and no size changes that."""
+        for size in (1e-3, 1e8):
+            with pytest.raises(tc.SynthesisError, match="do not show every mode, so add outputs"):
+                tc.MPC(mast[2], horizon=2, weights=tc.Weights(energy=0.0, outputs={"nodes:P4_1_1_z": size}))
+
+    def test_weights_too_far_apart_are_no_fault_of_a_mode(self, mast):
+        """All modes are driven and seen; a millionth of a millionth of a metre is beyond double precision."""
+        for energy in (0.0, 1.0):
+            with pytest.raises(tc.SynthesisError, match="weights of states and inputs are too far apart"):
+                tc.MPC(mast[2], horizon=2, weights=tc.Weights(energy=energy, outputs={"nodes": 1e-12}))

@@ -19,6 +19,7 @@ commands then hold for rest lengths as well, which are always between commands o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 import scipy.linalg as sla
@@ -26,11 +27,16 @@ from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel, Sampled, sample_ramped
+from tensctl.synthesis.crossed import undecided
+from tensctl.synthesis.doubling import no_solution
 from tensctl.synthesis.following import Following, following
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.riccati import Riccati, dare
+from tensctl.synthesis.sampling_limit import refuse_short
 from tensctl.synthesis.shown import shown
-from tensctl.synthesis.stabilisable import refuse_undriven
+from tensctl.synthesis.stabilisable import refuse_undriven, unreached
+from tensctl.synthesis.unseen import unseen
+from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
 
 # A mode that decays by less than this part of itself in a period is one that no weighted output shows.
@@ -155,7 +161,14 @@ def condense(linear: LinearModel, horizon: int, dt: float, weights: Weights, *, 
 
 
 def stage_weights(linear: LinearModel, dt: float, weights: Weights) -> tuple[np.ndarray, np.ndarray]:
-    """Q of (e, v), (nx + nu, nx + nu), and R, (nu, nu), of one period."""
+    """Q of (e, v), (nx + nu, nx + nu), and R, (nu, nu), of one period.
+
+    Raises
+    ------
+    SynthesisError
+        A period too short for double precision, or an input without a cost.
+    """
+    refuse_short(linear.scales, dt)
     nx, nu = linear.B.shape
     Q, moving = np.zeros((nx + nu, nx + nu)), len(linear.mechanics.A)
     Q[:moving, :moving] = weights.energy * dt * np.eye(moving)
@@ -166,20 +179,44 @@ def stage_weights(linear: LinearModel, dt: float, weights: Weights) -> tuple[np.
 
 
 def terminal_weight(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, weights: Weights) -> Riccati:
-    """The terminal weight; without a weight of energy, modes that no output shows would swing for ever."""
-    if weights.energy > 0:
-        return dare(A, B, Q, R)
+    """The terminal weight; without a weight of energy, modes that no output shows would swing for ever.
+
+    Raises
+    ------
+    SynthesisError
+        When the equation has no solution, or one that leaves a mode swinging: whether inputs do not reach it, outputs
+        do not show it, or weights are too far apart.
+    """
     try:
         found = dare(A, B, Q, R)
-        slowest = float(np.abs(np.linalg.eigvals(A - B @ found.K)).max(initial=0.0))
     except SynthesisError:
-        slowest, found = 1.0, None
-    if found is None or slowest > 1 - _LEAST_DECAY:
-        raise SynthesisError(
-            f"without a weight of energy the loop's slowest mode decays by {1 - slowest:.1e} of itself in a period; "
-            "the weighted outputs do not show every mode, so add outputs or give energy a weight > 0."
-        )
+        return _refuse_unsolved(A, B, Q)
+    decay = 1 - float(np.abs(np.linalg.eigvals(A - B @ found.K)).max(initial=0.0)) if weights.energy == 0 else 1.0
+    if decay < _LEAST_DECAY:
+        _refuse_unsolved(A, B, Q, f"the loop's slowest mode decays by {max(decay, 0.0):.1e} of itself in a period")
     return found
+
+
+def _refuse_unsolved(A: np.ndarray, B: np.ndarray, Q: np.ndarray, found: str = "") -> NoReturn:
+    """Say why a sampled model has no terminal weight, or one that leaves what was `found`.
+
+    (A - I)(A + I)^-1 has the eigenvectors of A, and its undamped poles on the imaginary axis.
+    """
+    one, none = np.eye(len(A)), np.zeros((0, 0))
+    turning = np.linalg.solve((A + one).T, (A - one).T).T
+    if unreached(turning, B).size:
+        raise no_solution()
+    if next(unseen(turning, Cost(Q, none, np.zeros((len(A), 0)))), None) is not None:
+        raise SynthesisError(
+            "without a weight of energy some mode swings for ever: the weighted outputs do not show every mode, so add "
+            "outputs or give energy a weight > 0."
+        )
+    if found:
+        raise SynthesisError(
+            f"without a weight of energy {found}: at their sizes the weighted outputs count too little beside what "
+            "rest lengths cost, so lower the sizes or give energy a weight > 0."
+        )
+    raise undecided("give weights nearer to each other")
 
 
 def _tension(linear: LinearModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

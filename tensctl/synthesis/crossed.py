@@ -32,6 +32,14 @@ class Optimum:
     residual: float
 
 
+def undecided(advice: str) -> SynthesisError:
+    """What is said where inputs reach every mode, and double precision finds no solution; `advice` ends it."""
+    return SynthesisError(
+        "double precision finds no solution of the Riccati equation, though no mode is out of reach: some mode is "
+        f"driven or weighed too weakly, or the weights of states and inputs are too far apart ({advice})."
+    )
+
+
 def optimal(
     A: np.ndarray, B: np.ndarray, cost: Cost, *, sampled: bool = False, advice: str = "raise R"
 ) -> Optimum:  # fmt: skip
@@ -48,10 +56,7 @@ def optimal(
     try:
         P = solve(A - B @ from_state, B, 0.5 * (rest + rest.conj().T), cost.R).X
     except SynthesisError:
-        raise SynthesisError(
-            "double precision finds no solution of the Riccati equation, though no mode is out of reach: some mode is "
-            f"driven or weighed too weakly, or the weights of states and inputs are too far apart ({advice})."
-        ) from None
+        raise undecided(advice) from None
     if sampled:
         K = np.linalg.solve(cost.R + B.conj().T @ P @ B, B.conj().T @ P @ A + cost.N.conj().T)
     else:

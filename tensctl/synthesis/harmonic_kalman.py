@@ -28,6 +28,7 @@ from tensctl.synthesis.harmonic_weights import of_sector
 from tensctl.synthesis.kalman import Kalman, force_roots, kalman
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.over_period import integral
+from tensctl.synthesis.sampling_limit import refuse_short
 from tensctl.synthesis.sensors import Sensors
 from tensctl.synthesis.unseen import NOISE, check_seen_by_harmonic
 from tensctl.synthesis.weights import Cost
@@ -156,6 +157,7 @@ def harmonic_kalman(
     outputs, V, forces = symmetric_noise(linear, sensors, force_noise)
     if dt is not None:
         dt = argument("dt", dt, Number("s", above=0))
+        refuse_short(np.concatenate([block.scales for block in linear.blocks]), dt)
     duals = zip(linear.blocks, forces, strict=True)
     parts = [(b.A.conj().T, Cost(W, V, np.zeros((b.nx, len(V)))), None) for b, W in duals]
     check_seen_by_harmonic(linear, parts, sentence=NOISE)

@@ -30,6 +30,7 @@ from tensctl.synthesis.lagging import commands_now
 from tensctl.synthesis.lqr_sampled import continuous_poles
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.over_period import integral, ramped_cost
+from tensctl.synthesis.sampling_limit import refuse_short
 from tensctl.synthesis.stabilisable import LeftOut
 from tensctl.synthesis.weights import Cost
 from tensctl.threads import one_blas_thread
@@ -178,8 +179,9 @@ def sampled_design(linear: HarmonicModel, costs: tuple[Cost, ...], dt: float) ->
     Raises
     ------
     SynthesisError
-        When a harmonic has no stabilising solution.
+        A period too short for double precision, or when a harmonic has no stabilising solution.
     """
+    refuse_short(np.concatenate([block.scales for block in linear.blocks]), dt)
 
     def solve(block: Harmonic) -> tuple[Cost, Sampled, Optimum]:
         period, own = ramped_cost(block.A, block.B, costs[block.k], dt), sample_ramped(block.A, block.B, dt)

@@ -34,6 +34,7 @@ from tensctl.synthesis.lyapunov import Lyapunov
 from tensctl.synthesis.margins import DiskMargin, Sensitivity
 from tensctl.synthesis.over_period import integral, ramped_cost
 from tensctl.synthesis.reduced import reduced
+from tensctl.synthesis.sampling_limit import refuse_short
 from tensctl.synthesis.sensors import Reading, Sensors
 from tensctl.synthesis.shown import shown
 from tensctl.synthesis.small_gain import SmallGain, small_gain
@@ -252,6 +253,7 @@ def lqg(
         raise SynthesisError("the sensors belong to another structure; make them for linear.dynamics.structure.")
     if dt is not None:
         dt = argument("dt", dt, Number("s", above=0))
+        refuse_short(flexible.scales, dt)
     stabilisable_only = argument("stabilisable_only", stabilisable_only, Choice(True, False))
     cost = checked_cost(flexible, None, None, None, cost)
     part = controlled_part(flexible, sensors.rows(flexible)[0], only=stabilisable_only)

@@ -28,6 +28,7 @@ from tensctl.synthesis.kalman import white_forces
 from tensctl.synthesis.lagging import commands_now, lagging_basis, lagging_cost
 from tensctl.synthesis.margins import Sensitivity
 from tensctl.synthesis.over_period import integral, ramped_cost
+from tensctl.synthesis.sampling_limit import refuse_short
 from tensctl.synthesis.stabilisable import LeftOut, Part
 from tensctl.synthesis.unseen import check_seen
 from tensctl.synthesis.weights import Cost
@@ -158,6 +159,7 @@ def continuous_poles(multipliers: np.ndarray, dt: float) -> np.ndarray:
 def sampled_lqr(linear: LinearModel, cost: Cost, part: Part, dt: float) -> SampledLQR:
     """Design on the part of a flexible model that inputs can bring to rest."""
     dt = argument("dt", dt, Number("s", above=0))
+    refuse_short(linear.scales, dt)
     x, nu = part.basis, linear.B.shape[1]
     check_seen(linear, x, x.T @ linear.A @ x, Cost(x.T @ cost.Q @ x, cost.R, x.T @ cost.N))
     plant, cost, x = linear.actuated, lagging_cost(linear, cost), lagging_basis(linear, x)

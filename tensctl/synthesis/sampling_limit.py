@@ -1,5 +1,7 @@
 """Modes that a control period cannot follow: refused, or left out by name with their static answer kept.
 
+Periods so short that rounding hides what a mode does within them are refused as well.
+
 A mode with omega dt >= pi is seen by samples as a slower one. Left out, it stands where forces put it,
 
     eta_f = Phi_f' G u / omega_f^2,
@@ -13,11 +15,16 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
 
 Fast = Literal["refuse", "truncate"]
+
+# Least angle, rad, by which the slowest mode turns within a period. Rounding leaves some 1e-16 over this angle of a
+# gain open: for the (3,1) mast 5e-4 at 5e-13 rad, and below 5e-14 rad the Riccati equation has no solution.
+_LEAST_TURN = 1e-12
 
 
 def below_sampling_limit(linear: LinearModel, dt: float, modes: Fast) -> LinearModel:
@@ -42,6 +49,22 @@ def below_sampling_limit(linear: LinearModel, dt: float, modes: Fast) -> LinearM
         raise SynthesisError(f"mpc.dt = {dt:g} s is too long for every mode; {shorter} to follow them all.")
     kept = tuple(mode for mode in linear.modes if mode not in fast)
     return replace(linear, modes=kept, condensed=(*linear.condensed, *fast))
+
+
+def refuse_short(scales: Float[np.ndarray, " modes"], dt: float) -> None:
+    """Refuse a period, s, within which rounding hides the slowest of some modes, rad/s.
+
+    Raises
+    ------
+    SynthesisError
+        With the mode's frequency and the least period.
+    """
+    slowest = float(scales.min(initial=np.inf))
+    if slowest * dt < _LEAST_TURN:
+        raise SynthesisError(
+            f"dt = {dt:g} s is so short that rounding hides what the slowest mode ({slowest / (2 * np.pi):.3g} Hz) "
+            f"does in it; take dt above {_LEAST_TURN / slowest:.2g} s."
+        )
 
 
 def _others(count: int) -> str:
