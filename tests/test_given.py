@@ -137,3 +137,64 @@ def test_settings_that_are_not_given_are_the_usual_ones(mast):
 def test_a_file_that_is_no_place(mast):
     with pytest.raises(tc.OutputError, match=r"path is of type int; a file NAME[.]c or a folder is expected"):
         tc.export_c(tc.lqr(mast[2]), 3)
+
+
+MEASURED = {
+    "mpc": (lambda x, mast, mpc: tc.solver_precision(x, mast[1], t_end=0.1), r"mpc is of type .*; a tc\.MPC is ex"),
+    "start": (lambda x, mast, mpc: tc.solver_precision(mpc, x, t_end=0.1), "start .*expected"),
+    "t_end": (lambda x, mast, mpc: tc.solver_precision(mpc, mast[1], t_end=x), "t_end is .*> 0"),
+    "pushes": (lambda x, mast, mpc: tc.solver_precision(mpc, mast[1], t_end=0.1, pushes=x), r"pushes .*tc\.Push"),
+    "tolerances": (
+        lambda x, mast, mpc: tc.solver_precision(mpc, mast[1], t_end=0.1, tolerances=x), "tolerances .*expected"
+    ),
+    "budget": (lambda x, mast, mpc: tc.solver_precision(mpc, mast[1], t_end=0.1, budget=x), "budget is .*> 0"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", ["a", -1.0, np.nan, [[1], [2, 3]]], ids=repr)
+@pytest.mark.parametrize("argument", MEASURED)
+def test_solvers_measured_on_what_is_none(mast, argument, wrong):
+    call, sentence = MEASURED[argument]
+    with pytest.raises(tc.TensctlError, match=sentence):
+        call(wrong, mast, tc.MPC(mast[2], horizon=2))
+
+
+RUNS = {
+    "start": "^start .*expected",
+    "t_end": "^t_end is .*> 0",
+    "timepts": "timepts.*ascending order",
+    "dt": "^dt is .*> 0",
+    "rate_max": "^rate_max is .*> 0",
+    "tol": "^tol is .*> 0 and < 1",
+    "pushes": r"^pushes holds .*tc\.Push",
+    "schedule": r"^schedule holds .*tc\.Schedule",
+}
+
+
+@pytest.mark.parametrize("wrong", ["a", -1.0, np.nan, [[1], [2, 3]]], ids=repr)
+@pytest.mark.parametrize("name", RUNS)
+def test_runs_of_what_is_none(mast, name, wrong):
+    if name == "timepts" and wrong == -1.0:
+        wrong = [1.0, -1.0]
+    given = {"start": mast[1], "t_end": 0.1, "controller": tc.MPC(mast[2], horizon=2)} | {name: wrong}
+    with pytest.raises(tc.SimulationError, match=RUNS[name]):
+        tc.simulate(mast[0], **given)
+
+
+@pytest.mark.parametrize("wrong", ["a", None, {}], ids=repr)
+def test_a_controller_that_gives_no_numbers(mast, wrong):
+    class Wrong:
+        reset = staticmethod(lambda: None)
+        step = staticmethod(lambda t, measurement: wrong)
+
+    with pytest.raises(tc.SimulationError, match=r"controller gave.*\(21,\) is expected"):
+        tc.simulate(mast[0], mast[1], controller=Wrong(), t_end=0.1)
+
+
+@pytest.mark.parametrize("design", [tc.lqr, lambda linear, dt: tc.MPC(linear, horizon=2, dt=dt)], ids=["lqr", "mpc"])
+def test_periods_that_rounding_hides(mast, design):
+    """Ten times the least period has a design, a tenth of it has none, and the least period is told."""
+    least = 1e-12 / mast[2].flexible.scales.min()
+    design(mast[2], dt=10 * least)
+    with pytest.raises(tc.SynthesisError, match=f"short that rounding hides .*; take dt above {least:.2g} s"):
+        design(mast[2], dt=0.1 * least)

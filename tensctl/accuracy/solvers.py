@@ -17,6 +17,8 @@ import numpy as np
 
 from tensctl.accuracy.overheard import Heard, Posed, overhear
 from tensctl.accuracy.solver_result import Floors, SolverAttempt, SolverPrecision
+from tensctl.scene import AccuracyStage
+from tensctl.scene.given import check_kind
 from tensctl.simulation import Load
 from tensctl.simulation.moving import Start
 from tensctl.synthesis import MPC
@@ -77,11 +79,17 @@ def solver_precision(
 
     Raises
     ------
+    SynthesisError
+        A controller that is no `MPC` or `OutputMPC`.
+    SceneError
+        Tolerances, a budget or an end that `[accuracy]` of a scene would refuse.
     SimulationError
-        A motion that cannot be followed.
+        A start or a load that does not fit, or a motion that cannot be followed.
     """
-    heard = overhear(mpc, start, t_end=t_end, pushes=pushes, seconds=_LOOP * budget)
-    return compared(mpc, heard, tolerances=tolerances, budget=(1 - _LOOP) * budget)
+    check_kind(MPC, mpc=mpc)
+    asked = AccuracyStage.checked(tolerances=tolerances, budget=budget, t_end=t_end)
+    heard = overhear(mpc, start, t_end=asked.t_end, pushes=pushes, seconds=_LOOP * asked.budget)
+    return compared(mpc, heard, tolerances=asked.tolerances, budget=(1 - _LOOP) * asked.budget)
 
 
 def compared(

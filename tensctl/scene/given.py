@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
+import numpy as np
 from pydantic_core import PydanticCustomError
 
 from tensctl.errors import SynthesisError, TensctlError
-from tensctl.scene.complaint import dotted
+from tensctl.scene.complaint import dotted, shown
 from tensctl.scene.values import Value
 
 # Where objects that are not made by their own name come from.
@@ -35,6 +37,21 @@ def argument(name: str, value: Any, kind: Value, error: type[TensctlError] = Syn
     except PydanticCustomError as wrong:
         said = wrong.context or {}
         raise error(f"{dotted([*name.split('.'), *said['path']])} {said['text']}.") from None
+
+
+def real(name: str, value: Any, expected: str, error: type[TensctlError] = SynthesisError) -> np.ndarray:
+    """An array of real numbers.
+
+    Raises
+    ------
+    TensctlError
+        Of the class given: what the value is, and what is expected.
+    """
+    with suppress(TypeError, ValueError):  # rows of different lengths, objects that are no numbers
+        found = np.asarray(value)
+        if found.dtype.kind in "biufO":
+            return found.astype(float)
+    raise error(f"{name} is {shown(value)}; {expected} is expected.")
 
 
 def check_kind(kind: type, *, error: type[TensctlError] = SynthesisError, **given: object) -> None:

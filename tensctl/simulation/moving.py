@@ -9,6 +9,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.model.tensions import tensions_at
+from tensctl.scene.given import real
 from tensctl.simulation.actuators import Actuators
 from tensctl.simulation.controller import Controller, Measurement, ask
 from tensctl.simulation.drive import Drive
@@ -20,6 +21,8 @@ from tensctl.statics import Equilibrium
 from tensctl.synthesis import StepRecord
 
 Start = Equilibrium | np.ndarray | tuple[Equilibrium | np.ndarray, np.ndarray]
+
+_START = "an Equilibrium, nodes (N, 3) in m, or either in a pair with velocities (N, 3) in m/s"
 
 
 class Moving:
@@ -42,7 +45,8 @@ class Moving:
     def command(self, controller: Controller, t: float, period: float) -> None:
         """Ask the controller; rest lengths ramp towards its answer from now on, or when it is due."""
         wanted = (self._dynamics.members.gearing.size,)
-        u = np.asarray(ask(controller, float(t), period, self._measurement()), float)
+        answer = ask(controller, float(t), period, self._measurement())
+        u = real(f"u, which the controller gave at {t:g} s,", answer, f"an array of shape {wanted}", SimulationError)
         if u.shape != wanted or not np.isfinite(u).all():
             raise SimulationError(f"at {t:g} s the controller gave u of shape {u.shape}; finite {wanted} is expected.")
         if self.delayed:
@@ -159,10 +163,18 @@ def _records(controller: Controller | None) -> list[StepRecord]:
 
 
 def started(dynamics: Dynamics, start: Start) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes, velocities and rest lengths of a start; an equilibrium brings its rest lengths along."""
-    at, velocities = start if isinstance(start, tuple) else (start, None)
+    """Nodes, velocities and rest lengths of a start; an equilibrium brings its rest lengths along.
+
+    Raises
+    ------
+    SimulationError
+        What is no start.
+    """
+    pair = isinstance(start, tuple) and len(start) == 2
+    at, velocities = start if pair else (start, None)
     if isinstance(at, Equilibrium):
         nodes, rest = at.nodes, at.rest_lengths
     else:
-        nodes, rest = np.asarray(at, float), dynamics.members.rest_lengths
-    return nodes, np.zeros_like(nodes) if velocities is None else np.asarray(velocities, float), rest.copy()
+        nodes, rest = real("start", at, _START, SimulationError), dynamics.members.rest_lengths
+    velocities = np.zeros_like(nodes) if velocities is None else real("start[1]", velocities, _START, SimulationError)
+    return nodes, velocities, rest.copy()

@@ -12,12 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
+from tensctl.scene.complaint import shown
+from tensctl.scene.given import argument, check_kind, real
+from tensctl.scene.values import Number
 from tensctl.simulation.controller import Controller
 from tensctl.simulation.course import Counter, follow, set_out
 from tensctl.simulation.integrators import Method
@@ -91,11 +94,16 @@ def simulate(
     OutputError
         When `store` cannot be written.
     """
-    rate_max = dynamics.members.rate_max if rate_max is None else rate_max
-    _check(tol, rate_max, method, controller)
+    check_kind(Dynamics, error=SimulationError, dynamics=dynamics)
+    _check(tol, method, controller)
+    rate_max = dynamics.members.rate_max if rate_max is None else _speed(rate_max)
+    _check_each("pushes", pushes, Load, 'tc.Push("P4_1_1", [5, 0, 0], 1.0, 1.1)')
+    _check_each("schedule", schedule, Schedule, 'tc.Schedule("t5_1_1", [0, 1], [0, 0.05])')
+    if store is not None:
+        chunk = argument("chunk", chunk, Number("records", least=1, whole=True), SimulationError)
     request = Request(
         _times(t_end, timepts, controller, dt), pushes, schedule, method, tol, rate_max,
-        None if controller is None else period_of(controller, dt), None if store is None else _whole(chunk),
+        None if controller is None else period_of(controller, dt), None if store is None else chunk,
         _delay(controller, dt),
     )  # fmt: skip
     nodes, velocities, rest = started(dynamics, start)
@@ -108,11 +116,13 @@ def simulate(
         return follow(moving, course, controller, progress, file)
 
 
-def _check(tol: float, rate_max: float, method: str, controller: Controller | None) -> None:
-    if not (np.isfinite(tol) and 0 < tol < 1):
-        raise SimulationError(f"tol is {tol}; a number between 0 and 1 is expected.")
-    if not rate_max > 0:
-        raise SimulationError(f"rate_max is {rate_max}; a speed > 0 m/s is expected.")
+def _speed(rate_max: float) -> float:
+    unlimited = isinstance(rate_max, float) and rate_max == np.inf
+    return rate_max if unlimited else argument("rate_max", rate_max, Number("m/s", above=0), SimulationError)
+
+
+def _check(tol: float, method: str, controller: Controller | None) -> None:
+    argument("tol", tol, Number(above=0, below=1), SimulationError)
     if method not in get_args(Method):
         raise SimulationError(f'method is "{method}"; one of {", ".join(get_args(Method))} is expected.')
     for call in () if controller is None else ("step", "reset"):
@@ -122,15 +132,18 @@ def _check(tol: float, rate_max: float, method: str, controller: Controller | No
             )
 
 
-def _whole(chunk: int) -> int:
-    if int(chunk) != chunk or chunk < 1:
-        raise SimulationError(f"chunk is {chunk}; a whole number of records, at least 1, is expected.")
-    return int(chunk)
+def _check_each(name: str, given: object, kind: Any, example: str) -> None:
+    listed = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    wrong = [one for one in listed if not isinstance(one, kind)]
+    if wrong:
+        raise SimulationError(f"{name} holds {shown(wrong[0])}; a list such as [{example}] is expected.")
 
 
 def _times(t_end, timepts, controller, dt) -> np.ndarray:
+    if t_end is not None:
+        t_end = argument("t_end", t_end, Number("s", above=0), SimulationError)
     if timepts is not None:
-        times = np.asarray(timepts, float)
+        times = real("timepts", timepts, "finite times in ascending order, s,", SimulationError)
         if not ascends(times):
             raise SimulationError("timepts must be finite times in ascending order, in s.")
         if times[0] < 0:
@@ -138,8 +151,8 @@ def _times(t_end, timepts, controller, dt) -> np.ndarray:
         if t_end is not None and t_end < times[-1]:
             raise SimulationError(f"timepts end at {times[-1]:g} s, after t_end = {t_end:g} s.")
         return times
-    if t_end is None or not (np.isfinite(t_end) and t_end > 0):
-        raise SimulationError(f"t_end = {t_end}: give the end of the run in s, > 0, or timepts.")
+    if t_end is None:
+        raise SimulationError("t_end = None: give the end of the run in s, > 0, or timepts.")
     step = t_end / 500 if controller is None else period_of(controller, dt)
     if controller is None:
         return np.linspace(0, t_end, 501)
@@ -152,10 +165,7 @@ def _times(t_end, timepts, controller, dt) -> np.ndarray:
 def period_of(controller: Controller | None, dt: float | None) -> float:
     """The control period, s: as given, or the controller's own, or the default."""
     period = getattr(controller, "dt", None) if dt is None else dt
-    period = _PERIOD if period is None else period
-    if not (np.isfinite(period) and period > 0):
-        raise SimulationError(f"the control period dt is {period}; a time > 0 s is expected.")
-    return float(period)
+    return argument("dt", _PERIOD if period is None else period, Number("s", above=0), SimulationError)
 
 
 def _delay(controller: Controller | None, dt: float | None) -> float:
