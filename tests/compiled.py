@@ -58,11 +58,11 @@ class Compiled:
         assert self.last.outcome == outcome
         return outcome, u
 
-    def numbers(self, name, count):
-        """So many that a function of the source points at."""
+    def numbers(self, name, count, *given):
+        """So many that a function of the source points at, told what is given."""
         function = self._c[name]
         function.restype = ctypes.POINTER(ctypes.c_double)
-        return np.array(function()[:count])
+        return np.array(function(*given)[:count])
 
     @property
     def last(self):

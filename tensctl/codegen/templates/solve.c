@@ -90,8 +90,7 @@ static void keep_floors(double *guess)
 }
 
 /* Solve the hard problem; else the relaxed one from the guess, and once more from constant rates where its answer is far
- * from the optimum, or at a higher price where the optimum gives way. A problem without inputs `now` before its first
- * stage has neither. */
+ * from the optimum and there are inputs `now` before the first stage, or at a higher price where the optimum gives way. */
 static int solved(double *guess, const double *now)
 {
     int ended = search_dual();
@@ -108,7 +107,7 @@ static int solved(double *guess, const double *now)
     if (ended == BOUNDED && self.report.kkt > far_off && self.problem->rough != NULL) {
         return searched_again(guess, now);
     }
-    if (ended == SOLVED && now != NULL && largest_slack() > kept) {
+    if (ended == SOLVED && largest_slack() > kept) {
         keep_floors(guess);
     }
     return ended;
