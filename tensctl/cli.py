@@ -97,19 +97,22 @@ def check(scene: SceneFile, /) -> None:
 
 @app.command
 def explain(scene: SceneFile, /) -> None:
-    """Say which terms the model has or leaves out, and why; which stages are gone through; how LQR and LQG are made."""
+    """Say which terms the model has or leaves out, and why; which stages are gone through; how controllers are made."""
     asked = _load(scene)
     from tensctl.model import build_dynamics
 
     print(build_dynamics(asked).explain())
-    for words, wanted in (("asked for", True), ("left out at no cost", False)):
-        names = [name for name, there in asked.stages.items() if there is wanted]
-        print(f"stages {words}: {', '.join(names) or 'none'}")
-    if asked.lqr is not None or asked.lqg is not None:
-        from tensctl.pipeline import ways
+    from tensctl.pipeline import needed
 
-        for section, said in ways(asked).items():
-            print(f"{section.upper()}: {said}")
+    for words, kind in (("asked for", True), ("gone through for these", None), ("left out at no cost", False)):
+        names = [name for name, there in needed(asked).items() if there is kind]
+        if names or kind is not None:
+            print(f"stages {words}: {', '.join(names) or 'none'}")
+    if any(section is not None for section in (asked.lqr, asked.lqg, asked.mpc)):
+        from tensctl.pipeline import foretold
+
+        for controller, said in foretold(asked).items():
+            print(f"{controller}: {said}")
 
 
 @app.command

@@ -7,6 +7,7 @@ from support import shell_scene
 from test_mpc import disturbed
 
 import tensctl as tc
+from tensctl.synthesis.input_limits import powered_rates
 from tensctl.synthesis.qp_cvxpy import reference_optimum
 from tensctl.synthesis.qp_solvers import new_solver
 from tensctl.synthesis.relaxed import relax
@@ -187,3 +188,46 @@ class TestPredictiveControl:
             assert outcome == gives_way
             assert np.abs(u - wanted).max() < 1e-8
             assert compiled.last.relaxed == pytest.approx(controller.records[-1].relaxed, abs=1e-7)
+
+
+GANGS = {"top": {"t6_*": 1.0, "t6_1_1": 0.5}, "tilt": {"t5_1_1": 1.0, "t5_2_1": -0.7}}
+PUSH = tc.Push("P4_1_1", [6.0, 0.0, 0.0], 0.1, 0.2)
+
+
+class TestPower:
+    """Force times speed stays below the share of power_max that the force has of its stall limit."""
+
+    @pytest.mark.parametrize("law", LAWS)
+    @pytest.mark.parametrize("gangs", [None, GANGS], ids=["alone", "gangs"])
+    def test_kept_under_pushes(self, law, gangs):
+        asked = {"power_max": 1.5, "force_max": 20.0, "gangs": gangs}
+        scene, free = mast(law, **asked), mast(law, **asked | {"power_max": None})
+        rest, most = tc.find_equilibrium(scene), {}
+        for name, wanted in (("kept", scene), ("free", free)):
+            dynamics = tc.build_dynamics(wanted)
+            controller = tc.MPC(tc.linearize(dynamics, rest, outputs=()), horizon=HORIZON)
+            run = tc.simulate(dynamics, rest, controller=controller, t_end=1.0, rate_max=0.5, pushes=[PUSH])
+            demand, members = tc.actuator_demand(run, dynamics, pushes=[PUSH]), dynamics.members
+            force = run.tensions[:, members.inputs]
+            force = force if law == "k" else force * (1 + force / (2 * members.stiffness[members.inputs]))
+            share = np.abs(force @ members.gearing.matrix.toarray()) / members.stall
+            share = np.maximum(share, np.vstack([share[:1], share[:-1]]))
+            power = np.maximum(np.abs(demand.power), np.vstack([0 * share[:1], np.abs(demand.power_after[:-1])]))
+            most[name] = float((power / share).max())
+        assert most["kept"] == pytest.approx(1.5, rel=1e-9)
+        assert most["free"] > 3.0
+
+    def test_speeds(self):
+        """Of a gang one side pulls with all its tendons, the other does not push."""
+        members = tc.build_dynamics(mast(power_max=2.0, force_max={"*": 10.0, "t5_2_1": 20.0}, gangs=GANGS)).members
+        rates = dict(zip(members.gearing.labels, powered_rates(members), strict=True))
+        assert rates["top"] == pytest.approx(2.0 / 25.0)
+        assert rates["tilt"] == pytest.approx(2.0 / 14.0)
+        assert rates["t7_1_1"] == pytest.approx(0.2)
+
+    def test_without_a_stall_limit_of_every_tendon_there_is_no_bound(self):
+        members = tc.build_dynamics(mast(power_max=2.0, force_max={"t6_*": 10.0, "t5_1_1": 10.0}, gangs=GANGS)).members
+        rates = dict(zip(members.gearing.labels, powered_rates(members), strict=True))
+        assert np.isfinite(rates["top"])
+        assert np.isinf(rates["tilt"])
+        assert np.isinf(rates["t7_1_1"])

@@ -18,7 +18,9 @@ from tensctl.pipeline.feedback import design_lqg, design_lqr
 from tensctl.pipeline.way import WORTH_IT, lqg_of, lqr_of, way_of_lqg
 from tensctl.scene import LqgStage, LqrStage, SensorsStage
 from tensctl.synthesis import HarmonicLQG, HarmonicLQR, HarmonicSampledLQR
+from tensctl.synthesis.condensed import stiffness_spread
 from tensctl.synthesis.gain_doubt import gain_doubt
+from tensctl.synthesis.qp_solvers import order_of
 from tensctl.synthesis.weights import Cost
 
 SIZES = {"nodes": {"*": 0.02, "P4_*": 0.005}, "tensions": 5.0, "rest_lengths": {"*": 0.1, "t5_*": 0.05}}
@@ -265,3 +267,60 @@ class TestDownstream:
         said = capsys.readouterr().out
         assert "LQR: harmonic by harmonic, since 3 sectors are equal to" in said
         assert "LQG: dense, since harmonics are taken from" in said
+
+
+class TestForetold:
+    """What `tensctl explain` says of controllers that are not designed yet is what the designs then say."""
+
+    def told(self, tmp_path, capsys, **sections):
+        path = tmp_path / "scene.toml"
+        path.write_text(shell_scene(3, 1, pins=["P1_*_1"], **sections).to_toml(), encoding="utf-8")
+        assert cli.main(["explain", str(path)]) == 0
+        return capsys.readouterr().out
+
+    def test_what_runs_with_a_target(self, tmp_path, capsys):
+        plan = {"lqr": {}, "mpc": {"horizon": 4}, "target": {"height_scale": 1.02}}
+        said = self.told(tmp_path, capsys, **plan, simulation={"t_end": 0.1, "controller": "mpc"})
+        assert "LQR: about the target's shape, dense, since harmonics are taken from 100" in said
+        assert 'designed and judged, not run: simulation.controller is "mpc"' in said
+        assert "stages gone through for these: equilibrium, linearize\n" in said
+        assert "stages left out at no cost: controllability, lqg, accuracy, report\n" in said
+        said = self.told(tmp_path, capsys, lqr={"way": "harmonics"}, target=plan["target"])
+        assert "LQR: about the target's shape, harmonic by harmonic where that and the weights" in said
+        assert said.count("nothing is simulated") == 1
+        said = self.told(tmp_path, capsys, **plan, simulation={"t_end": 0.1, "controller": "lqr"})
+        assert "in the run dense about every second shape of the path\n" in said
+        assert "MPC: linear model, 4 periods of 0.02 s, 84 variables, from the state; designed and judged" in said
+
+    @pytest.mark.parametrize(
+        "sections",
+        [{"mpc": {"horizon": 4}}, {"mpc": {"horizon": 4}, "tendons": {"stiffness": {"*": 1.0, "t5_*": 1e6}}}],
+        ids=["even", "stiff"],
+    )
+    def test_solvers_are_those_of_the_controller(self, tmp_path, capsys, sections):
+        """The stiff mast's modes are too fast for the period: slow ones are kept, in both."""
+        sections["mpc"] |= {"modes": "truncate"}
+        said = self.told(tmp_path, capsys, **sections)
+        controller = design(shell_scene(3, 1, pins=["P1_*_1"], **sections))
+        spread = stiffness_spread(controller.linear)
+        order = order_of(controller.solver, 84, spread)
+        after = ", ".join(list(dict.fromkeys(name for name, _ in order))[1:])
+        assert f"solver: {controller.solver} first, then {after}; {controller.why}\n" in said
+
+    def test_limits(self, tmp_path, capsys):
+        limits = {"force_max": {"t5_*": 20.0}, "power_max": 2.0, "lag": 0.1}
+        said = self.told(tmp_path, capsys, actuators=limits, mpc={"u_max": 0.3, "delay": 0.01, "solver": "piqp"})
+        assert "solver: piqp first, then dual, primal, daqp, osqp; asked for\n" in said
+        kept = said[said.index("keeps") : said.index("leaves out")]
+        for words in (
+            "u_max, ",
+            "force_max of 3 tendons",
+            "delay of 0.01 s",
+            "lag of 0.1 s",
+            "power_max = 2 W of 3 motors",
+        ):
+            assert words in kept
+        assert "leaves out followed outputs, power_max = 2 W of 18 motors, which have no force_max" in said
+
+    def test_a_period_that_is_too_long(self, tmp_path, capsys):
+        assert "solver: none, since mpc.dt = 0.5 s is too long for mode" in self.told(tmp_path, capsys, mpc={"dt": 0.5})

@@ -116,26 +116,25 @@ def design(scene: Scene) -> LQR | SampledLQR | ScheduledLQR | LQG | MPC:
     return found
 
 
-def ways(scene: Scene) -> dict[str, str]:
-    """Whether LQR and LQG of a scene are designed harmonic by harmonic or dense, and why; nothing is designed.
+def needed(scene: Scene) -> dict[str, bool | None]:
+    """Every stage, and whether it is asked for; None where another stage needs it."""
+    others = {"equilibrium": True, "linearize": _needs_linear(scene)}
+    return {name: asked or (None if others.get(name) else False) for name, asked in scene.stages.items()}
 
-    With a target that is decided by the shape that is planned, so it is left open here.
+
+def foretold(scene: Scene) -> dict[str, str]:
+    """How the controllers of a scene would be made, by section, and why; nothing is designed.
+
+    With a target that is decided by the shape that is planned; what the shape at rest says of it is told.
     """
-    asked = [name for name in ("lqr", "lqg") if getattr(scene, name) is not None]
-    if not asked or scene.target is not None:
-        return dict.fromkeys(asked, "decided when the target is planned")
-    from tensctl.pipeline.way import way_of_lqg, way_of_lqr
+    from tensctl.pipeline.outlook import lqg_told, lqr_told, mpc_told
 
-    later = dict.fromkeys(("controllability", "lqr", "lqg", "sensors", "mpc", "simulation", "accuracy", "report"))
+    later = ("controllability", "lqr", "lqg", "sensors", "mpc", "target", "simulation", "accuracy", "report")
     clock = Clock()
-    linear = _linearize(_model(_compute(scene.replaced(**later), clock), clock), clock).linear
+    linear = _linearize(_model(_compute(scene.replaced(**dict.fromkeys(later)), clock), clock), clock).linear
     assert linear is not None
-    found = {}
-    if scene.lqr is not None:
-        found["lqr"] = str(way_of_lqr(scene.lqr, linear)[0])
-    if scene.lqg is not None and scene.sensors is not None:
-        found["lqg"] = str(way_of_lqg(scene.lqg, scene.sensors, linear)[0])
-    return found
+    said = {"LQR": lqr_told(scene, linear), "LQG": lqg_told(scene, linear), "MPC": mpc_told(scene, linear)}
+    return {name: words for name, words in said.items() if words is not None}
 
 
 def measure_solvers(scene: Scene) -> SolverPrecision:

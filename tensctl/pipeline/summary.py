@@ -193,10 +193,13 @@ def _mpc(results: Results) -> dict | None:
     if mpc is None or run is None or certificate is None:
         return None
     from tensctl.pipeline.followed import followed
+    from tensctl.synthesis import MPC
 
     return {
         "horizon": mpc.horizon,
         "dt_s": mpc.dt,
+        "solver": mpc.solver,
+        **({"solver_why": mpc.why} if isinstance(mpc, MPC) else {}),
         "variables": certificate.variables,
         "constraints": certificate.constraints,
         "statuses": dict(Counter(run.status[np.isin(run.time, run.sample_time)].tolist())),

@@ -91,7 +91,7 @@ def way_of_lqr(asked: LqrStage, linear: LinearModel) -> tuple[Way, Symmetric | N
     SynthesisError
         Where the scene insists on harmonics and has none.
     """
-    way = _unasked(asked, linear)
+    way = unasked(asked, linear)
     if way is not None:
         return way, None
     try:
@@ -102,7 +102,7 @@ def way_of_lqr(asked: LqrStage, linear: LinearModel) -> tuple[Way, Symmetric | N
 
 def way_of_lqg(asked: LqgStage, seen: SensorsStage, linear: LinearModel) -> tuple[Way, Symmetric | None]:
     """The way of the LQG likewise; sensors and noise have to repeat too."""
-    way = _unasked(asked, linear)
+    way = unasked(asked, linear)
     if way is None and asked.order is not None:
         way = Way("dense", "order asks for fewer states, and harmonics keep all")
     if way is not None:
@@ -115,7 +115,7 @@ def way_of_lqg(asked: LqgStage, seen: SensorsStage, linear: LinearModel) -> tupl
     return way, found
 
 
-def _unasked(asked: LqrStage | LqgStage, linear: LinearModel) -> Way | None:
+def unasked(asked: LqrStage | LqgStage, linear: LinearModel) -> Way | None:
     """Why harmonics are not even looked for; None where they are."""
     freedoms, least = linear.equilibrium.potential.manifold.size, WORTH_IT[type(asked)]
     if asked.way == "dense":

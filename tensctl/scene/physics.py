@@ -68,7 +68,7 @@ class Actuators(Section):
 
     `gangs` are motors that pull several tendons, each a table of gear ratios by tendon label. `force_max` bounds the
     tension of each actuated tendon wherever rest lengths are planned: shape paths and predictive control. `power_max`
-    bounds what each motor gives or takes on shape paths.
+    bounds what each motor gives or takes on shape paths, and in predictive control the speed of those with a limit.
     """
 
     tendons: Annotated[tuple[str, ...], Texts("tendon labels", '["t5_*"]')] = ("*",)

@@ -55,6 +55,8 @@ class Members:
         Fastest that a command changes a rest length.
     force_max : (nt,) N
         Largest tension that an actuator may meet, its stall limit; infinite where none is given or none acts.
+    power_max : float, W
+        Largest power that a motor may give or take; infinite where none is given.
     lag : float, s
         Time constant tau of the actuators, du/dt = (command - u)/tau; 0 without lag.
     pushed : (nw,) int
@@ -84,6 +86,7 @@ class Members:
     EI: Float[np.ndarray, " rods"]
     force_max: Float[np.ndarray, " tendons"]
     rate_max: float = np.inf
+    power_max: float = np.inf
     lag: float = 0.0
 
     def shortened(self, u: Float[np.ndarray, " inputs"]) -> Float[np.ndarray, " tendons"]:
@@ -100,6 +103,20 @@ class Members:
     def input_bounds(self) -> tuple[Float[np.ndarray, " inputs"], Float[np.ndarray, " inputs"]]:
         """Least and largest u at which every rest length keeps its floor, m."""
         return self.gearing.bounds((self.rest_lengths - self.floors)[self.inputs])
+
+    @cached_property
+    def stall(self) -> Float[np.ndarray, " inputs"]:
+        """Largest force that each motor may meet, N: what its tendons pull with at `force_max`, infinite without one.
+
+        Tendons only pull, so those that a gang takes in and those that it lets out at the same time count apart. Of a
+        constant EA it is what gives the power, T (1 + T/(2 EA)).
+        """
+        force = self.force_max[self.inputs]
+        if self.law == "EA":
+            force = force * (1 + force / (2 * self.stiffness[self.inputs]))
+        sides = np.zeros((2, self.gearing.size))
+        np.add.at(sides, ((self.gearing.ratio < 0).astype(int), self.gearing.motor), np.abs(self.gearing.ratio) * force)
+        return sides.max(axis=0)
 
     @property
     def damped(self) -> bool:
@@ -153,6 +170,7 @@ def build_members(scene: Scene, structure: Structure) -> Members:
         EI=by_label(structure.rod_labels, EI, "rods.EI", default=np.inf),
         force_max=_force_max(scene, structure, inputs),
         rate_max=np.inf if scene.actuators.rate_max is None else scene.actuators.rate_max,
+        power_max=np.inf if scene.actuators.power_max is None else scene.actuators.power_max,
         lag=scene.actuators.lag,
     )
 

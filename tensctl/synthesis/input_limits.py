@@ -1,7 +1,10 @@
 """Hard limits of the inputs, which no command passes, whatever a solver says.
 
 lower <= u <= upper   rest lengths keep their floors and change by at most u_max
-|u - u_now| <= reach  no rest length is faster than rate_max within a period
+|u - u_now| <= reach  no rest length is faster than rate_max within a period, and no motor than power_max / F_max
+
+F_max is the force of a motor whose tendons all pull with their stall limits: as long as those hold, force times speed
+stays below power_max. A motor without a stall limit has no such bound.
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ class InputLimits:
     ----------
     lower, upper : (nu,) m
     reach : (nu,) m
-        How far each input may go in a period: its fastest tendon keeps the rate limit.
+        How far each input may go in a period: its fastest tendon keeps the rate limit, its motor the power.
     """
 
     lower: Float[np.ndarray, " nu"]
@@ -40,7 +43,8 @@ class InputLimits:
     def of(cls, dynamics: Dynamics, rate_max: float, dt: float, u_max: Size | None) -> InputLimits:
         """Those of a structure's inputs: a rate limit, m/s, a period, s, and a largest change of rest lengths, m."""
         members = dynamics.members
-        return cls(*input_range(dynamics.structure, members, u_max), rate_max * dt / members.gearing.largest)
+        fastest = np.minimum(rate_max / members.gearing.largest, powered_rates(members))
+        return cls(*input_range(dynamics.structure, members, u_max), fastest * dt)
 
     @property
     def range(self) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
@@ -74,6 +78,15 @@ def input_reach(structure: Structure, members: Members, u_max: Size | None) -> F
         most = by_label(structure.tendon_labels, u_max, "u_max", np.inf)[members.inputs]
         np.minimum.at(reach, members.gearing.motor, most / np.abs(members.gearing.ratio))
     return reach
+
+
+def powered_rates(members: Members) -> Float[np.ndarray, " nu"]:
+    """Speed of each motor, m/s, up to which it keeps `actuators.power_max` whatever tensions its stall limits allow.
+
+    Infinite where there is no limit of power, or a tendon of the motor has no stall limit.
+    """
+    bounded = np.isfinite(members.stall) & np.isfinite(members.power_max)
+    return np.divide(members.power_max, members.stall, out=np.full(bounded.shape, np.inf), where=bounded)
 
 
 def check_asked(tension_min: float, delay: float, dt: float) -> None:

@@ -63,7 +63,8 @@ class MPC:
         Floor of every taut tendon's tension (soft, relaxed only when it cannot be kept); the scene's
         `actuators.force_max` bounds tensions of actuated tendons from above in the same way.
     rate_max : float, m/s
-        Limit of every rest length's rate (hard).
+        Limit of every rest length's rate (hard). A motor whose tendons have stall limits is no faster than the scene's
+        `actuators.power_max` over its force at these.
     u_max : number or table by tendon label, m, optional
         Largest change of a rest length from L0, either way (hard).
     weights : Weights
