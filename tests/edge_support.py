@@ -2,7 +2,7 @@
 
 import numpy as np
 from scipy.optimize import linprog
-from support import random_motion, shell_scene, solved
+from support import disturbed, random_motion, shell_scene, solved
 
 import tensctl as tc
 
@@ -11,6 +11,24 @@ def forced(forces, **given):
     """The (3,1) shell with forces so many times as large and motions the same."""
     tendons = {"stiffness": 100.0 * forces, "rest_ratio": 0.8}
     return solved(shell_scene(tendons=tendons, rods={"mass": forces}, **given))
+
+
+def largest(still, moved, most):
+    """The largest part of the way from one QP's limits to another's with a solution: they are linear in plan and part.
+
+    Both have the same rows; `most` bounds the part.
+    """
+    rows = np.vstack([np.eye(still.f.size), still.A])
+    above, below = np.isfinite(still.lower), np.isfinite(still.upper)
+    sides = [
+        np.column_stack([-rows[above], moved.lower[above] - still.lower[above]]),
+        np.column_stack([rows[below], still.upper[below] - moved.upper[below]]),
+    ]
+    limits = np.concatenate([-still.lower[above], still.upper[below]])
+    cost = -np.eye(still.f.size + 1)[-1]
+    ranges = [(None, None)] * still.f.size + [(0.0, most)]
+    fine = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    return linprog(cost, np.vstack(sides), limits, bounds=ranges, method="highs-ds", options=fine).x[-1]
 
 
 class Thrown:
@@ -22,7 +40,8 @@ class Thrown:
         self.mpc = tc.MPC(linear, horizon=horizon, tension_min=forces * floor)
         velocities = random_motion(rest.potential, np.random.default_rng(seed), reach=0.0)[1]
         self.velocities = velocities / np.abs(velocities).max()
-        self.edge = self._edge()
+        still, fast = (self.mpc.statement(0.0, self._look(speed))[2] for speed in (0.0, 1.0))
+        self.edge = largest(still, fast, 100.0)
 
     def look(self, part):
         """What is measured at the edge's speed and a part of it more."""
@@ -32,17 +51,21 @@ class Thrown:
         rest = self.rest
         return tc.Measurement(rest.nodes, speed * self.velocities, rest.lengths, rest.tensions, rest.inputs)
 
-    def _edge(self):
-        """The largest speed for which some plan keeps all limits: they are linear in plan and speed."""
-        still, fast = (self.mpc.statement(0.0, self._look(speed))[2] for speed in (0.0, 1.0))
-        rows = np.vstack([np.eye(still.f.size), still.A])
-        above, below = np.isfinite(still.lower), np.isfinite(still.upper)
-        sides = [
-            np.column_stack([-rows[above], fast.lower[above] - still.lower[above]]),
-            np.column_stack([rows[below], still.upper[below] - fast.upper[below]]),
-        ]
-        limits = np.concatenate([-still.lower[above], still.upper[below]])
-        cost = -np.eye(still.f.size + 1)[-1]
-        ranges = [(None, None)] * still.f.size + [(0.0, 100.0)]
-        fine = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-        return linprog(cost, np.vstack(sides), limits, bounds=ranges, method="highs-ds", options=fine).x[-1]
+
+class Asked:
+    """A pinned (3,1) mast away from rest that is asked to be 30 % taller at once, and the highest floor it can keep.
+
+    The floor is that of the first plan of nonlinear MPC; where it is asked for so much, rates are at their limits.
+    """
+
+    def __init__(self, seed, size, horizon=8):
+        scene = shell_scene(pins=["P1_*_1"], target={"height_scale": 1.3, "duration": 60.0}, mpc={})
+        self.dynamics, rest = tc.build_dynamics(scene), tc.find_equilibrium(scene)
+        self.target = tc.plan_shape(scene, start=rest).target
+        self.horizon, self.look = horizon, disturbed(rest, size, seed)
+        none, one = (self.controller(floor).linearised(0.0, self.look).qp() for floor in (0.0, 1.0))
+        self.edge = largest(none, one, 100.0)
+
+    def controller(self, floor):
+        """A controller with so high a floor, N."""
+        return tc.NonlinearMPC(self.dynamics, self.target, horizon=self.horizon, tension_min=floor)
