@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from edge_support import Asked
 
-from tensctl.synthesis.qp_anew import PATIENCE
+from tensctl.synthesis import qp_anew
+from tensctl.synthesis.qp import Solution
+from tensctl.synthesis.qp_anew import PATIENCE, answer
 from tensctl.synthesis.qp_daqp import QUICK, DaqpSolver
 from tensctl.synthesis.qp_lazy import solve_lazily
 from tensctl.synthesis.qp_primal import PrimalSolver, bounds
@@ -74,3 +76,19 @@ def test_many_steps_end_at_their_optimum(asked):
         record = answered(asked, part)[2]
         assert record.kkt < 1e-9
         assert (record.relaxed == 0.0) == (part < 0)
+
+
+def test_a_search_that_ends_early_is_not_the_last_word(asked, monkeypatch):
+    """With hardly any work the interior point answers; what the search came to is the answer where nobody else is."""
+    qp = asked.controller(0.999 * asked.edge).linearised(0.0, asked.look).qp()
+    monkeypatch.setattr(qp_anew, "solve_lazily", lambda *_, **__: Solution(None, None, "failed", np.inf))
+    monkeypatch.setattr(qp_anew, "PATIENCE", 1e-3)
+    wanted, (z, status, kkt) = DaqpSolver(qp, tol=1e-12).solve(qp).z, answer(qp, asked.horizon)
+    assert status == "piqp relaxed"
+    assert kkt < 1e-9
+    assert np.abs(z - wanted).max() < 3e-5
+    monkeypatch.setattr(qp_anew, "FEW", 0)
+    z, status, kkt = answer(qp, asked.horizon)
+    assert status == "primal bounded"
+    assert kkt > 1e-9
+    assert np.abs(z - wanted).max() > 1e-3

@@ -1,7 +1,9 @@
 """Who is asked in turn for the plan of a step whose matrices are new: nothing is set up, nothing is remembered.
 
 First a dual active set within all tension limits, then the primal one, with limits that give way, from the last plan on
-and with bounded work, then an interior point, and last the dual one without a bound on its iterations.
+and with bounded work, then an interior point, and last the dual one without a bound on its iterations. What a search
+had when its work was over is the answer only where nobody finds a better one, or nobody else is asked, since there are
+too many variables for the time of a step.
 
 Where an optimum gives way it is asked whether it has to: by one more search from there, at a price that only the
 impossible is worth, and where that leaves it open by the dual active set with time enough.
@@ -25,6 +27,8 @@ from tensctl.synthesis.relaxed import DEAR, Relaxed
 # before the optimum in 37 of 156 steps at the edge of what floors allow and with 10 in 3, for some 5 ms more; first
 # commands were off by up to all that a period allows.
 PATIENCE = 10.0
+# Up to so many variables an interior point follows a search whose work was over: it takes 0.3 s at most.
+FEW = 500
 # Iterations in a round of the dual active set that tells whether floors have to give way; 750 were seen.
 ENOUGH = 2000
 
@@ -36,19 +40,23 @@ def answer(qp: QP, horizon: int) -> tuple[Float[np.ndarray, " n"], str, float] |
         return within.usable, "daqp", within.kkt
     relaxed, work = Relaxed.of(qp.H, qp.A, horizon), PATIENCE * bounds(qp.f.size, horizon)[0]
     searching = PrimalSolver(qp.H, qp.A, horizon, soft=True, work=work)
+    unfinished = None
     for name, found in _giving_way(relaxed.problem(qp), horizon, searching):
         if (z := found.usable) is None:
             continue
         plan, slacks = np.split(z, [qp.f.size])
         if found.status == "bounded":
-            return plan, f"{name} bounded", found.kkt
+            unfinished = plan, f"{name} bounded", found.kkt
+            if qp.f.size > FEW:
+                break
+            continue
         if slacks.any():
             dear = relaxed.problem(qp, DEAR)
             for keeper, kept in _keeping(qp, dear, plan, searching, known=within.status == "infeasible"):
                 if kept.status == "solved" and kept.accepted is not None:
                     return kept.accepted, keeper, kept.kkt
         return plan, f"{name} relaxed", found.kkt
-    return None
+    return unfinished
 
 
 def _giving_way(soft: QP, horizon: int, searching: PrimalSolver) -> Iterator[tuple[str, Solution]]:
