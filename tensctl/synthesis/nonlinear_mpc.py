@@ -37,6 +37,7 @@ from tensctl.synthesis.nonlinear_problem import Bounds, Linearised, Measure
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_anew import answer
 from tensctl.synthesis.qp_primal import PrimalSolver
+from tensctl.synthesis.qp_solvers import SOLVERS
 from tensctl.synthesis.reference import Hold, Reference, check_reference, refuse_beyond
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
@@ -183,7 +184,7 @@ class NonlinearMPC:
                 break
             z, status, kkt = found
             wished = z.reshape(plan.shape)
-            relaxed = missing(step.beyond(wished), self._scale)
+            relaxed = 0.0 if status in SOLVERS else missing(step.beyond(wished), self._scale)
             better = self._kept(wished + ahead, now)
             plan, change = better, float(np.abs(better - plan).max())
         status, relaxed = told(status, relaxed)
