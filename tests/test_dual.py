@@ -25,7 +25,8 @@ def searched(H, f, A, lower, upper, room=4 * N):
     """How it ended, answer and forces: rates and tensions are known, inputs are summed up."""
     known = np.vstack([np.eye(N), A[:-N]])
     values = known @ np.linalg.solve(H, -f)
-    ended, forces = dual.search(known @ np.linalg.solve(H, known.T), values, lower, upper, INPUTS, room, 1e-12)
+    moves = known @ np.linalg.solve(H, known.T)
+    ended, forces = dual.search(moves, values, lower, upper, INPUTS, room, 1e-12, -np.inf)
     return ended, values[:N], forces
 
 

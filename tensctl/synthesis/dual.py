@@ -19,18 +19,19 @@ from tensctl.jit import jit
 from tensctl.synthesis.bordered import border, reduce
 
 # How the search ended.
-SOLVED, BUSY, INFEASIBLE = 0, 1, 2
+SOLVED, BUSY, INFEASIBLE, DOUBTFUL = 0, 1, 2, 3
 # A limit that is further out than this many times the first one: the others are kept at its cost, and most likely not
 # all of them can be.
 ASTRAY = 4.0
-# A curvature below this part of its own row's is zero.
-NO_PIVOT = 1e-10
+# A curvature below this part of its own row's is zero; one below the other has lost half its digits or more.
+NO_PIVOT, FEW_DIGITS = 1e-10, 1e-6
 
 
 @jit
 def search(
-    B: np.ndarray, values: np.ndarray, lower: np.ndarray, upper: np.ndarray, inputs: int, room: int, tol: float
-) -> tuple[int, np.ndarray]:
+    B: np.ndarray, values: np.ndarray, lower: np.ndarray, upper: np.ndarray, inputs: int, room: int, tol: float,
+    few: float,
+) -> tuple[int, np.ndarray]:  # fmt: skip
     """Put right what is broken.
 
     Parameters
@@ -46,12 +47,15 @@ def search(
         Most limits that may act.
     tol : float
         Largest violation.
+    few : float
+        Part of its own row's below which a curvature is doubtful; at -inf none is.
 
     Returns
     -------
-    ended : SOLVED, BUSY (more limits act than there is room for, or it goes astray) or INFEASIBLE
+    ended : SOLVED, BUSY (more limits act than there is room for, or it goes astray), INFEASIBLE or DOUBTFUL (few
+    digits are left of what acts)
     forces : (n + r + n,)
-        Positive at lower limits.
+        Positive at lower limits; of the basis where it is in doubt.
     """
     known, count = values.size, lower.size
     n = count - known
@@ -61,9 +65,11 @@ def search(
     own, change, sums = np.empty(known), np.empty(known), np.empty(n)
     m, exact, turns, first = 0, True, 0, 0.0
     while True:
-        _sums(values, inputs, sums)
-        p, out = _furthest(values, sums, lower, upper, tol)
-        if p < 0:
+        running(values, inputs, sums)
+        p, out = furthest(values, sums, lower, upper, tol)
+        if p < 0 or forces[p] != 0.0:
+            if p >= 0 and (exact or few > 0.0):
+                return DOUBTFUL, forces  # one that acts is out by rounding
             if exact:
                 return SOLVED, forces
             _afresh(free, lower, upper, acting, rows, inverse, m, inputs, forces, values)
@@ -72,21 +78,24 @@ def search(
         exact, first = False, max(first, abs(out)) if m == 0 else first
         if abs(out) > ASTRAY * first:
             return BUSY, forces
-        _row(B, p, n, inputs, own)
+        row_of(B, p, inputs, own)
         while out != 0.0:
             turns += 1
             if turns > 20 * room:
                 return BUSY, forces
             for k in range(m):
-                column[k] = _value(own, acting[k], inputs, known)
+                column[k] = value(own, acting[k], inputs, known)
             follow[:m] = 0.0
             for k in range(m):
                 for i in range(m):
                     follow[i] += column[k] * inverse[k, i]
-            itself = _value(own, p, inputs, known)
+            itself = value(own, p, inputs, known)
             curvature = itself
             for k in range(m):
                 curvature -= column[k] * follow[k]
+            if curvature < few * itself and abs(curvature) > NO_PIVOT * itself:
+                forces[p] = 0.0
+                return DOUBTFUL, forces
             push, leaves = np.inf, -1
             if curvature > NO_PIVOT * itself:
                 push = abs(out) / curvature
@@ -123,14 +132,14 @@ def search(
 
 
 @jit
-def _sums(values: np.ndarray, inputs: int, sums: np.ndarray) -> None:
+def running(values: np.ndarray, inputs: int, sums: np.ndarray) -> None:
     """Inputs: running sums of rates over stages."""
     for j in range(sums.size):
         sums[j] = values[j] + (sums[j - inputs] if j >= inputs else 0.0)
 
 
 @jit
-def _value(row: np.ndarray, a: int, inputs: int, known: int) -> float:
+def value(row: np.ndarray, a: int, inputs: int, known: int) -> float:
     """Entry of limit a in the values that a force moves."""
     if a < known:
         return row[a]
@@ -142,21 +151,21 @@ def _value(row: np.ndarray, a: int, inputs: int, known: int) -> float:
 
 
 @jit
-def _row(B: np.ndarray, a: int, n: int, inputs: int, row: np.ndarray) -> None:
-    """What a force on limit a moves."""
-    known = row.size
+def row_of(rows: np.ndarray, a: int, inputs: int, row: np.ndarray) -> None:
+    """The row of limit a; those of inputs are sums over rates'."""
+    known = rows.shape[0]
     if a < known:
-        row[:] = B[a]
+        row[:] = rows[a]
         return
     a -= known
     row[:] = 0.0
     for j in range(a % inputs, a + 1, inputs):
-        for i in range(known):
-            row[i] += B[j, i]
+        for i in range(row.size):
+            row[i] += rows[j, i]
 
 
 @jit
-def _furthest(
+def furthest(
     values: np.ndarray, sums: np.ndarray, lower: np.ndarray, upper: np.ndarray, tol: float
 ) -> tuple[int, float]:
     """The limit that is furthest out, and by how much it has to move; -1 when all are kept."""
@@ -185,7 +194,7 @@ def _afresh(
     off = np.empty(m)
     for k in range(m):
         limit = lower[acting[k]] if forces[acting[k]] > 0.0 else upper[acting[k]]
-        off[k] = limit - _value(values, acting[k], inputs, known)
+        off[k] = limit - value(values, acting[k], inputs, known)
     for k in range(m):
         correction = 0.0
         for i in range(m):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as sla
 
-from tensctl.synthesis import dual
+from tensctl.synthesis import dual, orthogonal
 from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.qp import QP, Solution, judged
 
@@ -17,6 +17,8 @@ from tensctl.synthesis.qp import QP, Solution, judged
 # take 0.14 s, 650 take 0.9 s and 1100 take 3 s. Up to so few variables all of them may: what is left to the primal
 # search is there often ended by the bound on its work.
 _ROOM, _PART, _SMALL = 110, 0.1, 250
+# Multiplications of a search on orthogonal factors.
+_WORK = 2e8
 # Largest violation, m, as of `synthesis.qp_daqp`.
 TOL = 1e-10
 
@@ -44,15 +46,20 @@ class DualSolver:
     def __init__(self, problem: Condensed, room: int | None = None, tol: float = TOL) -> None:
         n, self._inputs = problem.H.shape[0], problem.H.shape[0] // problem.horizon
         self._room, self._tol = usual_room(n) if room is None else room, tol
+        self._work = _WORK if room is None else np.inf
         self._half = np.asfortranarray(np.linalg.cholesky(problem.H))
         rows = problem.rows
         # Rates first, then tensions; rates are the last n rows.
         self._order = np.roll(np.arange(rows.shape[0]), n)
         reduced = sla.solve_triangular(self._half, rows[self._order].T, lower=True)
         self._moves = np.ascontiguousarray(reduced.T @ reduced)
+        self._rows = np.ascontiguousarray(reduced.T) if n <= max(self._room, _SMALL) else None
         still = np.zeros(rows.shape[0])
         room_for = np.ones(rows.shape[0] + n)
-        dual.search(self._moves, still, -room_for, room_for, self._inputs, 1, tol)  # no step should wait for the kernel
+        limits = (-room_for, room_for, self._inputs)  # no step should wait for a kernel
+        dual.search(self._moves, still, *limits, 1, tol, -np.inf)
+        if self._rows is not None:
+            orthogonal.search(self._rows, still, orthogonal.Limits(*limits), np.zeros(room_for.size), tol, 0.0)
 
     def solve(self, qp: QP) -> Solution:
         """Solve with new f and bounds."""
@@ -62,14 +69,16 @@ class DualSolver:
         if not broken:
             idle = np.zeros(values.size)
             return Solution(free, idle, "solved", qp.residual(free, idle, values))
-        if broken > self._room:
+        if broken > self._room and self._rows is None:
             return judged(qp, None, None, "failed")
         n, order = qp.f.size, qp.f.size + self._order
         where = np.concatenate([order, np.arange(n)])
-        rates = values[order]
-        ended, forces = dual.search(
-            self._moves, rates, qp.lower[where], qp.upper[where], self._inputs, self._room, self._tol
-        )  # fmt: skip
+        rates, limits = values[order], (qp.lower[where], qp.upper[where], self._inputs)
+        few = -np.inf if self._rows is None else dual.FEW_DIGITS
+        ended, forces = dual.search(self._moves, rates, *limits, self._room, self._tol, few)
+        if self._rows is not None and ended in (dual.DOUBTFUL, dual.INFEASIBLE):
+            free, held = values[order], orthogonal.Limits(*limits)
+            ended, rates = orthogonal.search(self._rows, free, held, forces, self._tol, self._work)
         if ended != dual.SOLVED:
             return judged(qp, None, None, "infeasible" if ended == dual.INFEASIBLE else "failed")
         inputs = rates[:n].reshape(-1, self._inputs).cumsum(axis=0).ravel()
