@@ -32,13 +32,19 @@ def largest(still, moved, most):
 
 
 class Thrown:
-    """The free (3,1) shell in a motion of one direction, and the speed up to which its floors can be kept."""
+    """The free (3,1) shell in a motion of one direction, and the speed up to which its floors can be kept.
 
-    def __init__(self, seed, horizon=6, floor=2.0, forces=1.0):
+    With `reach` its nodes are off by so many metres in a direction of its own; forces are so many times as large; other
+    options are those of `MPC`.
+    """
+
+    def __init__(self, seed, horizon=6, floor=2.0, reach=0.0, forces=1.0, **options):
         _, rest, linear = forced(forces)
         self.rest = rest
-        self.mpc = tc.MPC(linear, horizon=horizon, tension_min=forces * floor)
-        velocities = random_motion(rest.potential, np.random.default_rng(seed), reach=0.0)[1]
+        self.mpc = tc.MPC(linear, horizon=horizon, tension_min=forces * floor, **options)
+        rng, manifold = np.random.default_rng(seed), rest.potential.manifold
+        velocities = random_motion(rest.potential, rng, reach=0.0)[1]
+        self.nodes = manifold.retract(rest.nodes, reach * rng.standard_normal(manifold.size))
         self.velocities = velocities / np.abs(velocities).max()
         still, fast = (self.mpc.statement(0.0, self._look(speed))[2] for speed in (0.0, 1.0))
         self.edge = largest(still, fast, 100.0)
@@ -49,7 +55,7 @@ class Thrown:
 
     def _look(self, speed):
         rest = self.rest
-        return tc.Measurement(rest.nodes, speed * self.velocities, rest.lengths, rest.tensions, rest.inputs)
+        return tc.Measurement(self.nodes, speed * self.velocities, rest.lengths, rest.tensions, rest.inputs)
 
 
 class Asked:
