@@ -7,9 +7,16 @@ import sys
 
 import numpy as np
 
-CC = [shutil.which("cc")] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
-WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Wvla", "-Wframe-larger-than=8192", "-Werror"]
+ZIG = [sys.executable, "-m", "ziglang", "cc"]
+CC = [shutil.which("cc")] if shutil.which("cc") else ZIG
+WARNINGS = [
+    "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wstrict-prototypes", "-Wdouble-promotion", "-Wvla",
+    "-Wframe-larger-than=8192", "-Werror",
+]  # fmt: skip
 STRICT = ["-std=c99", "-O2", *WARNINGS]
+# Undefined behaviour and addresses out of bounds end the program; the wheel has no run time for the latter.
+SANITIZERS = ["-O0", "-fsanitize=undefined", "-fno-sanitize-recover=all"]
+SANITIZERS += [] if "ziglang" in CC else ["-fsanitize=address"]
 ALLOCATORS = ("malloc", "calloc", "realloc", "free", "aligned_alloc")
 
 # Reads measurements and writes outcome, command, until the input ends.
@@ -78,6 +85,18 @@ def links(sources, target, *flags):
     """Whether sources compile and link."""
     command = [*CC, *STRICT, *flags, "-o", str(target), *map(str, sources), "-lm"]
     return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+def sanitized(folder):
+    """A program that plays measurements to the controller in a folder, under the sanitizers."""
+    (folder / "main.c").write_text(PLAYER)
+    build([folder / "main.c", folder / "controller.c"], folder / "main", *SANITIZERS)
+    return folder / "main"
+
+
+def zig_compiles(source):
+    """The compiler of the wheel has no complaint either, nor any of its warnings."""
+    subprocess.run([*ZIG, *STRICT, "-O0", "-c", str(source), "-o", str(source.with_suffix(".zig.o"))], check=True)
 
 
 def played(program, measurements):

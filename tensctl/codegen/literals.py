@@ -47,7 +47,7 @@ class Table:
 
 def number(value: float) -> str:
     """A double as a C literal."""
-    return repr(float(value)).replace("inf", "INFINITY")
+    return repr(float(value)).replace("inf", "HUGE_VAL")
 
 
 def lower_triangle(matrix: np.ndarray) -> np.ndarray:
