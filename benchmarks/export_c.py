@@ -1,7 +1,6 @@
 """Exported controllers against Python: differences of commands and processor time of steps in the same closed loop.
 
     python benchmarks/export_c.py
-    python benchmarks/export_c.py --long   # 10 000 steps of the free shell, 20 stages, under random pushes
 
 The (3,1) mast, base pinned, horizon 10, 0.02 s, compiled with `cc -O2`. Times are of the process, which the machine's
 other work does not count into; a first step that loads what it needs is left out of Python's. Commands are compared at
@@ -22,7 +21,6 @@ import tensctl as tc
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from compiled import CC, Compiled, flat
-from pushes import random_pushes
 from support import random_motion, shell_scene, solved
 
 OK, RELAXED, BOUNDED = 0, 1, 4
@@ -58,12 +56,12 @@ class Both:
         return u
 
 
-def measured(name, dynamics, start, controller, t_end=4.0, pushes=()):
+def measured(name, dynamics, start, controller, t_end=4.0):
     """Print one row."""
     with tempfile.TemporaryDirectory() as folder:
         made = tc.export_c(controller, folder)
         both = Both(controller, Compiled(Path(folder) / "controller.c", len(controller.linear.inputs)))
-        tc.simulate(dynamics, start, controller=both, t_end=t_end, rate_max=controller.rate_max, pushes=pushes)
+        tc.simulate(dynamics, start, controller=both, t_end=t_end, rate_max=controller.rate_max)
         remembered = static_bytes(Path(folder) / "controller.c")
     outcome, alike, apart, python, c, iterations = np.array(both.rows[1:]).T
     alike = alike == 1
@@ -89,16 +87,8 @@ def spread(seconds):
     return f"{1e3 * np.median(seconds):.2f} ms, worst {1e3 * seconds.max():.2f}"
 
 
-def pushed():
-    """The row of docs/export_c.md in which a node is pushed by 1 to 20 N about every other second."""
-    dynamics, rest, linear = solved(shell_scene())
-    controller, t_end = tc.MPC(linear, horizon=20, rate_max=0.5), 199.98
-    loads = random_pushes(dynamics.structure.node_labels, t_end)
-    measured("free, horizon 20, pushed", dynamics, rest, controller, t_end, loads)
-
-
 def main():
-    """All other rows."""
+    """All rows."""
     dynamics, rest, linear = solved(shell_scene(pins=["P1_*_1"]))
     thrown = random_motion(rest.potential, np.random.default_rng(1), 0.02, 0.5)
     common = {"horizon": 10, "rate_max": 0.5}
@@ -114,4 +104,4 @@ def main():
     measured("path", dynamics, rest, tc.MPC(linear, path=path, tension_min=0.5, **common))
 
 
-pushed() if "--long" in sys.argv[1:] else main()
+main()

@@ -477,7 +477,7 @@ class TestWhatIsRefused:
                 tc.export_c(tc.lqr(mast[2]), path)
 
     def test_a_thing_that_is_no_controller(self, tmp_path):
-        with pytest.raises(OutputError, match="int has no form in C"):
+        with pytest.raises(OutputError, match="int has no form in C; give an LQR"):
             tc.export_c(3, tmp_path)
 
     def test_a_scene_that_leaves_open_which(self):

@@ -117,5 +117,5 @@ def test_other_tension_rows_on_the_way_are_refused(tmp_path, mast, way, monkeypa
 
 
 def test_a_controller_on_the_nonlinear_structure_has_no_form(mast, tmp_path):
-    with pytest.raises(OutputError, match="NonlinearMPC has no form in C"):
+    with pytest.raises(OutputError, match="NonlinearMPC has no form in C: it rolls"):
         tc.export_c(tc.NonlinearMPC(mast[0], mast[1], horizon=2), tmp_path)

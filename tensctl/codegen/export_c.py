@@ -21,9 +21,20 @@ from tensctl.codegen.predictive import predictive
 from tensctl.errors import OutputError
 from tensctl.scene.given import argument
 from tensctl.scene.values import Number
-from tensctl.synthesis import LQG, LQR, MPC, SampledLQR, ScheduledLQR
+from tensctl.synthesis import (
+    LQG,
+    LQR,
+    MPC,
+    HarmonicLQG,
+    HarmonicLQR,
+    HarmonicSampledLQR,
+    NonlinearMPC,
+    SampledLQR,
+    ScheduledLQR,
+)
 
-Exportable = LQR | SampledLQR | ScheduledLQR | LQG | MPC
+StateFeedback = LQR | SampledLQR | ScheduledLQR | HarmonicLQR | HarmonicSampledLQR
+Exportable = StateFeedback | LQG | HarmonicLQG | MPC
 
 _NAME = "controller"
 
@@ -56,7 +67,7 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
 
     Parameters
     ----------
-    controller : LQR, ScheduledLQR, LQG, MPC or OutputMPC
+    controller : LQR (continuous, sampled, scheduled, harmonic), LQG with a period (harmonic too), MPC or OutputMPC
         What follows a path has it as a table, one row a control period.
     path : path
         A file `NAME.c`, or a folder that exists, for `controller.c`; the header stands beside it.
@@ -89,14 +100,22 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
 
 
 def _made(controller: Exportable, name: str, max_iterations: int | None) -> CSource:
-    if isinstance(controller, LQG):
+    if isinstance(controller, LQG | HarmonicLQG):
         found = lqg_facts(controller)
     elif isinstance(controller, MPC):
         found = predictive(controller, max_iterations)
-    elif isinstance(controller, LQR | SampledLQR | ScheduledLQR):
+    elif isinstance(controller, StateFeedback):
         found = lqr_facts(controller)
+    elif isinstance(controller, NonlinearMPC):
+        raise OutputError(
+            "NonlinearMPC has no form in C: it rolls its plans out on the nonlinear structure; give an MPC, whose "
+            "models are linear."
+        )
     else:
-        raise OutputError(f"{type(controller).__name__} has no form in C; give an LQR, an LQG or an MPC.")
+        raise OutputError(
+            f"{type(controller).__name__} has no form in C; give an LQR, an LQG with a control period, a harmonic "
+            "design of either, what scheduled_lqr makes, an MPC or an OutputMPC."
+        )
     facts: dict[str, Any] = {"name": name, "version": __version__, "number": number}
     facts |= {"charts": (), "delay": 0.0, "lag": 0.0, "sensors": 0, "signal": None} | found
     tables = (*(table for chart in facts["charts"] for table in chart.tables), *facts["tables"])

@@ -6,22 +6,24 @@ from typing import Any
 
 from tensctl.codegen.chart import chart_tables
 from tensctl.codegen.course import course_of
+from tensctl.codegen.dense import dense_estimator, dense_gain
 from tensctl.codegen.literals import Table
 from tensctl.codegen.states import shown_states
 from tensctl.errors import OutputError
 from tensctl.linear import LinearModel
-from tensctl.synthesis import LQG, LQR, SampledLQR, ScheduledLQR
+from tensctl.synthesis import LQG, LQR, HarmonicLQG, HarmonicLQR, HarmonicSampledLQR, SampledLQR, ScheduledLQR
 from tensctl.synthesis.reference import Hold
 
 
-def lqr_facts(design: LQR | SampledLQR | ScheduledLQR) -> dict[str, Any]:
+def lqr_facts(asked: LQR | SampledLQR | ScheduledLQR | HarmonicLQR | HarmonicSampledLQR) -> dict[str, Any]:
     """Facts of state feedback about an equilibrium, or scheduled along a path.
 
     Raises
     ------
     OutputError
-        Where some designs along the path see inputs and others do not.
+        Where some designs along the path see inputs and others do not, or a harmonic one is too large.
     """
+    design = dense_gain(asked) if isinstance(asked, HarmonicLQR | HarmonicSampledLQR) else asked
     if isinstance(design, ScheduledLQR):
         course = course_of(design.path, design.dt, 0.0, design.at)
     else:
@@ -29,8 +31,8 @@ def lqr_facts(design: LQR | SampledLQR | ScheduledLQR) -> dict[str, Any]:
     pairs = list(zip(course.parts, course.suffixes, strict=True))
     gains = [Table(f"K{s}", part.K, "gain: change of the inputs, m, from states (and inputs)") for part, s in pairs]
     charts = tuple(chart_tables(part.linear, suffix) for part, suffix in pairs)
-    sees_inputs = isinstance(course.parts[0], SampledLQR)
-    if any(isinstance(part, SampledLQR) != sees_inputs for part in course.parts):
+    sees_inputs = course.parts[0].sees_inputs
+    if any(part.sees_inputs != sees_inputs for part in course.parts):
         raise OutputError("designs along this path are sampled in part; give scheduled_lqr one kind of design.")
     linear = course.parts[0].linear
     states, inputs = len(linear.states), linear.inputs
@@ -47,16 +49,15 @@ def lqr_facts(design: LQR | SampledLQR | ScheduledLQR) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def lqg_facts(design: LQG) -> dict[str, Any]:
+def lqg_facts(asked: LQG | HarmonicLQG) -> dict[str, Any]:
     """Facts of LQG in discrete time.
 
     Raises
     ------
     OutputError
-        For a design in continuous time.
+        For a design in continuous time, or a harmonic one that is too large.
     """
-    if design.dt is None:
-        raise OutputError("this LQG was designed in continuous time; give lqg a control period dt to export it.")
+    design = dense_estimator(asked)
     e, nu = design.estimator, len(design.linear.inputs)
     ny = len(design.sensors.labels)
     tables = (
@@ -66,7 +67,7 @@ def lqg_facts(design: LQG) -> dict[str, Any]:
         Table("now", e.now, "estimate from the inputs as they are"),
         Table("C", e.C, "change of the inputs from the estimate"),
         Table("direct", e.direct, "change of the inputs from the inputs as they are"),
-        Table("D", design.plant.D, "what the sensors show of the inputs"),
+        Table("D", design.D, "what the sensors show of the inputs"),
         Table("sensors_rest", design.sensors.of(design.linear.equilibrium), "what the sensors show at rest"),
         Table("input_rest", design.linear.equilibrium.inputs, "inputs at the equilibrium, m"),
         *_limits(design.linear),
@@ -80,7 +81,7 @@ def lqg_facts(design: LQG) -> dict[str, Any]:
     return {
         "kind": "lqg", "dt": design.dt, "tables": tables, "inputs": design.linear.inputs, "measured": measured,
         "size": ny + nu, "sensors": ny,
-        "sizes": [("SENSORS", ny, ""), ("ORDER", design.order, "states of the estimator")],
+        "sizes": [("SENSORS", ny, ""), ("ORDER", e.order, "states of the estimator")],
     }  # fmt: skip
 
 
