@@ -1,6 +1,7 @@
 """What stands in the way of a shape: named limits prove it, and searches that lead nowhere end soon, by linprog."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,6 +109,28 @@ class TestSearch:
         for _ in range(40):
             met.add(rest, 1e-9)
         assert met.lead_on
+
+    @pytest.mark.parametrize(
+        ("misfits", "ends"),
+        [
+            (np.full(60, 0.1), 20),
+            (np.linspace(0.1, 0.2, 60), 20),
+            (0.1 * 0.999 ** np.arange(60), None),
+            (np.append(1e-6, np.linspace(2e-6, 1e-4, 59)), None),
+        ],
+        ids=["as far", "farther", "nearer", "met before"],
+    )
+    def test_cheaper_counts_once_the_shape_is_met(self, rest, misfits, ends):
+        """Every try costs less than the one before; out of reach that is no progress."""
+        shortened = rest.potential.members.shortened
+        changed = [replace(rest, rest_lengths=shortened(0.2 - 0.002 * k + 0 * rest.inputs)) for k in range(60)]
+        tries = _Tries(changed[0], misfits[0])
+        for now, misfit in zip(changed[1:], misfits[1:], strict=True):
+            if not tries.lead_on:
+                break
+            tries.add(now, misfit)
+        assert tries.lead_on is (ends is None)
+        assert tries.count == (59 if ends is None else ends)
 
     def test_a_shape_out_of_reach_takes_few_tries(self, monkeypatch):
         """The mast cannot be drawn to thrice its height: some 15 tries say so, where 200 did not."""

@@ -166,14 +166,19 @@ class TestLabels:
                 'mpc.follow[0].output is "P9_1_1_x"; expected the label of',
             ),
             ({"feedback": "outputs", "track": ["q_*"]}, 'mpc.track: "q_*" names nothing in this structure'),
+            ({"u_max": {"q_*": 0.1}}, 'mpc.u_max: "q_*" names nothing in this structure'),
+            ({"rest_lengths": {"q_*": 0.1}}, 'mpc.rest_lengths: "q_*" names nothing in this structure'),
+            ({"nodes": {"q_*": 0.1}}, 'mpc.nodes: "q_*" names nothing in this structure'),
+            ({"delay": 0.03}, "mpc.delay is 0.03 s; a time from 0 to dt = 0.02 s is expected"),
         ],
     )
     def test_check_and_run_refuse_what_names_nothing(self, tmp_path, capsys, asked, sentence):
         target = {"height_scale": 1.05}
         scene = shell_scene(**MAST, sensors={"lengths": 1e-4}, mpc=asked, target=target)
         path = written(tmp_path, scene)
-        assert main(["check", str(path)]) == 2
-        assert sentence in capsys.readouterr().err
+        for command in ("check", "explain"):
+            assert main([command, str(path)]) == 2
+            assert sentence in capsys.readouterr().err
         with pytest.raises(tc.TensctlError, match=re.escape(sentence)):
             tc.run(scene, tmp_path / "out")
 

@@ -221,6 +221,11 @@ def test_refused(mast, eyes):
         tc.OutputMPC(mast[2], eyes, horizon=2).step(0.0, mast[1])
     with pytest.raises(tc.SynthesisError, match="drift is 0"):
         tc.OutputMPC(mast[2], eyes, horizon=2, drift=0)
+    one = tc.sensors(mast[0].structure, lengths={"t5_1_1": 1e-3})
+    with pytest.raises(
+        tc.SynthesisError, match=r"mode 0 at 0\.8\d+ Hz \(and 6 more\) is neither damped nor seen: symmetry"
+    ):
+        tc.OutputMPC(mast[2], one, horizon=2)
 
 
 LENGTH = {"lengths:t5_1_1": 1e-3}

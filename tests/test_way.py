@@ -322,5 +322,6 @@ class TestForetold:
             assert words in kept
         assert "leaves out followed outputs, power_max = 2 W of 18 motors, which have no force_max" in said
 
-    def test_a_period_that_is_too_long(self, tmp_path, capsys):
+    def test_a_period_that_is_too_long_or_too_short(self, tmp_path, capsys):
         assert "solver: none, since mpc.dt = 0.5 s is too long for mode" in self.told(tmp_path, capsys, mpc={"dt": 0.5})
+        assert "solver: none, since dt = 1e-15 s is so short" in self.told(tmp_path, capsys, mpc={"dt": 1e-15})

@@ -13,7 +13,7 @@ from tensctl.linear.outputs import Mix, Output, safe_label, signal_labels
 from tensctl.model import Dynamics
 from tensctl.scene import LqgStage, LqrStage, MpcStage, Scene, SensorsStage
 from tensctl.statics import Equilibrium
-from tensctl.structure import Structure
+from tensctl.structure import Structure, build_members
 from tensctl.structure.labels import by_label, matches
 from tensctl.synthesis import (
     LQG,
@@ -33,6 +33,7 @@ from tensctl.synthesis import (
     sensors,
     weights,
 )
+from tensctl.synthesis.input_limits import check_asked
 from tensctl.synthesis.reference import Reference
 
 
@@ -126,16 +127,24 @@ def _common(asked: MpcStage, linear: LinearModel) -> dict[str, Any]:
 
 
 def check_mpc(scene: Scene, structure: Structure) -> None:
-    """Check the labels that `[mpc]` names, before anything is computed.
+    """Check the labels that `[mpc]` names, its delay and its weights, before anything is computed.
 
     Raises
     ------
     SceneError, StructureError, SynthesisError
-        With the label that names nothing.
+        With the label that names nothing, or what is expected of delay and weights.
     """
     asked = scene.mpc
     if asked is None:
         return
+    check_asked(asked.tension_min, asked.delay, asked.dt)
+    mpc_weights(asked, structure)
+    for name, sizes, labels in (
+        ("u_max", asked.u_max, structure.tendon_labels),
+        ("rest_lengths", asked.rest_lengths, build_members(scene, structure).gearing.labels),
+    ):
+        if sizes is not None:
+            by_label(labels, sizes, f"mpc.{name}", np.inf)
     for k, request in enumerate(asked.follow):
         if safe_label(request.output) not in signal_labels(structure):
             raise SceneError(

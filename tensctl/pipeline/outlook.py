@@ -11,7 +11,7 @@ from tensctl.scene import LqgStage, LqrStage, MpcStage, Scene
 from tensctl.synthesis.condensed import stiffness_spread
 from tensctl.synthesis.input_limits import powered_rates
 from tensctl.synthesis.qp_solvers import first_choice, order_of
-from tensctl.synthesis.sampling_limit import below_sampling_limit
+from tensctl.synthesis.sampling_limit import below_sampling_limit, refuse_short
 
 
 def lqr_told(scene: Scene, linear: LinearModel) -> str | None:
@@ -68,6 +68,7 @@ def _solvers(asked: MpcStage, linear: LinearModel, *, planned: bool) -> str:
         )
     try:
         model = below_sampling_limit(linear.flexible, asked.dt, asked.modes).actuated
+        refuse_short(model.scales, asked.dt)
     except SynthesisError as refusal:
         return f"solver: none, since {refusal}"
     sizes, spread = (asked.horizon, len(model.inputs), len(model.A)), stiffness_spread(model)

@@ -127,12 +127,14 @@ def foretold(scene: Scene) -> dict[str, str]:
 
     With a target that is decided by the shape that is planned; what the shape at rest says of it is told.
     """
+    from tensctl.pipeline.feedback import check_mpc
     from tensctl.pipeline.outlook import lqg_told, lqr_told, mpc_told
 
     later = ("controllability", "lqr", "lqg", "sensors", "mpc", "target", "simulation", "accuracy", "report")
     clock = Clock()
     linear = _linearize(_model(_compute(scene.replaced(**dict.fromkeys(later)), clock), clock), clock).linear
     assert linear is not None
+    check_mpc(scene, linear.dynamics.structure)
     said = {"LQR": lqr_told(scene, linear), "LQG": lqg_told(scene, linear), "MPC": mpc_told(scene, linear)}
     return {name: words for name, words in said.items() if words is not None}
 

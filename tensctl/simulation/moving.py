@@ -170,8 +170,7 @@ def started(dynamics: Dynamics, start: Start) -> tuple[np.ndarray, np.ndarray, n
     SimulationError
         What is no start.
     """
-    pair = isinstance(start, tuple) and len(start) == 2
-    at, velocities = start if pair else (start, None)
+    at, velocities = start if isinstance(start, tuple) and len(start) == 2 else (start, None)
     if isinstance(at, Equilibrium):
         nodes, rest = at.nodes, at.rest_lengths
     else:

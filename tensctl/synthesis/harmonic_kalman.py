@@ -156,8 +156,8 @@ def harmonic_kalman(
     """
     outputs, V, forces = symmetric_noise(linear, sensors, force_noise)
     if dt is not None:
-        dt = argument("dt", dt, Number("s", above=0))
-        refuse_short(np.concatenate([block.scales for block in linear.blocks]), dt)
+        period = dt = argument("dt", dt, Number("s", above=0))
+        refuse_short(np.concatenate([block.scales for block in linear.blocks]), period)
     duals = zip(linear.blocks, forces, strict=True)
     parts = [(b.A.conj().T, Cost(W, V, np.zeros((b.nx, len(V)))), None) for b, W in duals]
     check_seen_by_harmonic(linear, parts, sentence=NOISE)

@@ -252,8 +252,8 @@ def lqg(
     if sensors.structure is not flexible.dynamics.structure:
         raise SynthesisError("the sensors belong to another structure; make them for linear.dynamics.structure.")
     if dt is not None:
-        dt = argument("dt", dt, Number("s", above=0))
-        refuse_short(flexible.scales, dt)
+        period = dt = argument("dt", dt, Number("s", above=0))
+        refuse_short(flexible.scales, period)
     stabilisable_only = argument("stabilisable_only", stabilisable_only, Choice(True, False))
     cost = checked_cost(flexible, None, None, None, cost)
     part = controlled_part(flexible, sensors.rows(flexible)[0], only=stabilisable_only)

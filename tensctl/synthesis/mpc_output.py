@@ -35,6 +35,7 @@ from tensctl.synthesis.offset_filter import Estimate, OffsetFilter, offset_filte
 from tensctl.synthesis.reference import Hold, Reference, check_reference, rests
 from tensctl.synthesis.sensors import Reading, Sensors
 from tensctl.synthesis.signal import Wanted
+from tensctl.synthesis.stabilisable import refuse_unseen
 from tensctl.synthesis.steady_target import SteadyTarget, Target
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
@@ -79,7 +80,8 @@ class OutputMPC(MPC):
     Raises
     ------
     SceneError, SynthesisError
-        As `MPC`; a rank condition that fails, or a pattern that names no sensor.
+        As `MPC`; a rank condition that fails, a mode that nothing damps and no sensor tells of, or a pattern that names
+        no sensor.
     """
 
     def __init__(
@@ -115,6 +117,12 @@ class OutputMPC(MPC):
         self.model: Disturbed = disturbed(self.linear, sensors, self.dt)
         self.model.verify()
         self.filter: OffsetFilter = offset_filter(self.model, force_noise, drift)
+        try:
+            _ = self.filter.deviations  # no control step should wait for it, or fail by it
+        except SynthesisError:
+            mechanics = self.linear.mechanics
+            refuse_unseen(mechanics, sensors.rows(mechanics)[0])
+            raise
         self.tracked = _tracked(sensors, track)
         self._memory: tuple[Estimate, np.ndarray, Target] | None = None
         self._looked: _Look | None = None

@@ -45,8 +45,10 @@ _DEARER = 1.2
 _DAMPED = 0.2
 # Curvatures farther apart than this are forgotten: what was learned far away holds no longer.
 _SPREAD = 1e6
-# A search whose shape is not met ends when so many tries have lowered neither the misfit nor the cost by these parts of
-# themselves. Searches that found their shape after 40 to 174 tries had lowered one of them by more.
+# A search ends when so many tries have lowered neither the misfit nor the cost by these parts of themselves. Until its
+# shape has been met only the least misfit counts: along a saddle, shapes that are out of reach get cheaper for hundreds
+# of tries and no nearer. Searches that found least change after 40 to 184 tries had met their shape within 60, and
+# lowered one or the other by more all the way.
 _IDLE = 20
 _LOWER = 1e-2
 _CHEAPER = 1e-6
@@ -105,16 +107,16 @@ class ShapeProblem:
             curvature = _learned(curvature, step, step + prices @ (after - before))
             pairs = near_pairs(now, self.limits.clearance)
             aim, prices = self._next(now, wanted, influence, pairs, curvature)
-        raise SynthesisError(self._not_found(wanted, tries.nearest))
+        raise SynthesisError(self._not_found(wanted, tries))
 
-    def _not_found(self, wanted: np.ndarray, nearest: Equilibrium) -> str:
+    def _not_found(self, wanted: np.ndarray, tries: _Tries) -> str:
         """What a search that ended without its shape came to."""
-        asked = self.asked
+        asked, nearest = self.asked, tries.nearest
         if self._misfit(nearest, wanted) <= _FOUND * _size(nearest):
             (sought,) = self._told_apart(wanted)
             return (
-                f"rest lengths for {sought} with {asked.said(nearest)} were found, but in {_STEPS} tries not those of "
-                "least change; name more of the shape (twist, tip, tilt, nodes), or ask for less."
+                f"rest lengths for {sought} with {asked.said(nearest)} were found, but in {tries.count} tries not "
+                "those of least change; name more of the shape (twist, tip, tilt, nodes), or ask for less."
             )
         had, sought = self._told_apart(self._values(nearest), wanted)
         return (
@@ -217,20 +219,28 @@ class _Tries:
 
     def __init__(self, start: Equilibrium, misfit: float) -> None:
         self.nearest, self.misfits, self.costs = start, [misfit], [start.inputs @ start.inputs]
-        self._least = misfit
+        self._least = [misfit]
 
     def add(self, now: Equilibrium, misfit: float) -> None:
         """Where a try leaves the search, whether its step was taken or not."""
         self.misfits.append(misfit)
         self.costs.append(now.inputs @ now.inputs)
-        if misfit < self._least:
-            self.nearest, self._least = now, misfit
+        if misfit < self._least[-1]:
+            self.nearest = now
+        self._least.append(min(misfit, self._least[-1]))
+
+    @property
+    def count(self) -> int:
+        """How many there were."""
+        return len(self.misfits) - 1
 
     @property
     def lead_on(self) -> bool:
-        """Whether the last of them have changed anything, or what is wanted is met."""
+        """Whether the last of them have changed anything that counts, or what is wanted is met."""
         if len(self.misfits) <= _IDLE or self.misfits[-1] <= _NEAR * _size(self.nearest):
             return True
+        if self._least[-1] > _FOUND * _size(self.nearest):
+            return bool(self._least[-1] < (1 - _LOWER) * self._least[-1 - _IDLE])
         lower = self.misfits[-1] < (1 - _LOWER) * self.misfits[-1 - _IDLE]
         return bool(lower or self.costs[-1] < (1 - _CHEAPER) * self.costs[-1 - _IDLE])
 

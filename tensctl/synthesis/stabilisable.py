@@ -90,6 +90,21 @@ def refuse_undriven(linear: LinearModel) -> None:
         raise SynthesisError(f"{_first(left)} {what}: {left[0].reason}; give tendons that reach it, or some damping.")
 
 
+def refuse_unseen(linear: LinearModel, C: Float[np.ndarray, "ny nx"]) -> None:
+    """For filters that need every mode: refuse sensors with rows C that do not tell of one that nothing damps.
+
+    Raises
+    ------
+    SynthesisError
+        With the first such mode, its frequency and the reason.
+    """
+    left = controlled_part(linear, C, only=True).left
+    if left:
+        raise SynthesisError(
+            f"{_first(left)} neither damped nor seen: {left[0].reason}; give sensors that see it, or some damping."
+        )
+
+
 def controlled_part(linear: LinearModel, C: Float[np.ndarray, "ny nx"], *, only: bool) -> Part:
     """The part of a flexible model that inputs can bring to rest and that sensors with rows C can tell of.
 
