@@ -90,6 +90,14 @@ class TestController:
         assert found.kkt < 1e-12
         assert np.abs(found.z - other.z).max() < 1e-12
 
+    def test_room_beyond_all_variables_is_room_for_all(self, asked):
+        """No more limits can act than there are variables: room for 1e9 takes no more memory."""
+        problem, _, qp = asked
+        n = qp.f.size
+        every, beyond = (DualSolver(problem, room=room).solve(qp) for room in (n, 10**9))
+        assert beyond.status == every.status == "solved"
+        assert (beyond.z == every.z).all()
+
     def test_hands_over_where_many_limits_are_broken(self, asked):
         problem, _, qp = asked
         assert DualSolver(problem, room=5).solve(qp).status == "failed"

@@ -45,7 +45,7 @@ class DualSolver:
 
     def __init__(self, problem: Condensed, room: int | None = None, tol: float = TOL) -> None:
         n, self._inputs = problem.H.shape[0], problem.H.shape[0] // problem.horizon
-        self._room, self._tol = usual_room(n) if room is None else room, tol
+        self._room, self._tol = usual_room(n) if room is None else min(room, n), tol  # no more can act at once
         self._work = _WORK if room is None else np.inf
         self._half = np.asfortranarray(np.linalg.cholesky(problem.H))
         rows = problem.rows
