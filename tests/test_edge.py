@@ -66,10 +66,10 @@ def test_a_step_says_so(thrown):
     assert record.status in ("dual", "primal")
 
 
-@pytest.mark.parametrize("seed", [0, 3, 4, 9])
-def test_c_source_keeps_them_too(seed, tmp_path):
+@pytest.mark.parametrize(("seed", "options"), [(7, {}), (9, DISPLACED), (8, {"horizon": 10})])
+def test_c_source_keeps_them_too(seed, options, tmp_path):
     """Floors kept up to a millionth of the edge, given way beyond it, by the same commands as Python's."""
-    thrown = Thrown(seed)
+    thrown = Thrown(seed, **options)
     tc.export_c(thrown.mpc, tmp_path)
     compiled = Compiled(tmp_path / "controller.c", len(thrown.mpc.linear.inputs))
     for part in (-1e-3, -1e-4, -1e-6, 1e-3):

@@ -18,6 +18,7 @@ from tensctl.synthesis import (
     bordered,
     constant_rates,
     dual,
+    orthogonal,
     primal,
     qp_dual,
     qp_primal,
@@ -38,6 +39,8 @@ _SEARCH = {
     "feasible": _FEASIBLE, "no_curvature": dual.NO_PIVOT, "few_free": primal.FEW, "fixed": primal.FIXED,
     "fixed_slack": primal.FIXED_SLACK,
     "no_move": primal.NO_MOVE, "drift": primal.DRIFT, "circles": primal.CIRCLES, "at_limit": primal.AT_LIMIT,
+    "few_digits": dual.FEW_DIGITS, "nothing_left": orthogonal.NO_PIVOT, "too_dear": orthogonal.TOO_DEAR,
+    "fine_work": qp_dual.WORK,
     "no_pivot": bordered.NO_PIVOT, "wrong_push": qp_primal.TOL, "roughly": constant_rates.TOL,
 }  # fmt: skip
 
@@ -77,7 +80,7 @@ def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
             ("ROOM", _room(variables, mpc.horizon), "for a primal basis"),
             ("DUAL_ROOM", min(variables, qp_dual.usual_room(variables)), "for a dual one"),
         ],
-        "search": _SEARCH, "accept": ACCEPT, "fine": qp_primal.FINE, "astray": qp_primal.ASTRAY,
+        "search": _SEARCH, "orthogonal": qp_dual.all_may_act(variables), "accept": ACCEPT, "fine": qp_primal.FINE, "astray": qp_primal.ASTRAY,
         "far_off": qp_primal.FAR, "once_more": qp_primal.ONCE_MORE,
         "dearer": relaxed.DEAR / relaxed.PRICE, "keeping": qp_primal.KEEPING,
         "floor_kept": KEPT,

@@ -80,8 +80,12 @@ def problem_tables(
         Table(f"tension_rows{suffix}", column, "first block column of M"),
         Table(f"tension_by_rate{suffix}", column.T, "the same, rate by rate"),
     )
+    if not patient and qp_dual.all_may_act(n):
+        L = np.linalg.cholesky(tables[0].values)
+        tables += (Table(f"half{suffix}", lower_triangle(L), "L of G = L L', lower triangle row by row"),)
     work = qp_primal.bounds(n, stages)[0]
-    many, astray = (len(rows), np.inf) if patient else (qp_dual.usual_room(n), dual.ASTRAY)
+    most = len(rows) + n if qp_dual.all_may_act(n) else qp_dual.usual_room(n)
+    many, astray = (len(rows), np.inf) if patient else (most, dual.ASTRAY)
     members = {
         "stages": stages, "floors": len(rows) - n, "given": f_from.shape[1], "seen": tension_from.shape[1],
         "curvature": curvature, "price": price, "largest": np.abs(H.diagonal()).max(), "work": work, "many": many,

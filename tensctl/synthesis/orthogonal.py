@@ -20,10 +20,10 @@ from tensctl.jit import jit
 from tensctl.synthesis.dual import BUSY, INFEASIBLE, SOLVED, furthest, row_of, running, value
 
 # What is left of a row below this part of its square is rounding.
-_NO_PIVOT = 1e-22
+NO_PIVOT = 1e-22
 # No plan keeps all limits where it takes a force this many times the one that would put right alone what the minimum
 # without limits breaks most. A millionth below the edge of what can be kept it takes XX times.
-_TOO_DEAR = 1e8
+TOO_DEAR = 1e8
 
 
 class Factors(NamedTuple):
@@ -73,7 +73,7 @@ def search(
     known, n = rows.shape
     W = Factors(np.empty(n + 1, np.int64), np.empty((n + 1, n)), np.zeros((n + 1, n + 1)), np.empty(n + 1), np.empty(n))
     own, follow, sums = np.empty(n), np.empty(n + 1), np.empty(n)
-    too_dear = _TOO_DEAR * _alone(rows, free, limits, sums, own)
+    too_dear = TOO_DEAR * _alone(rows, free, limits, sums, own)
     m = _taken_over(W, rows, limits, forces, own)
     done, exact = 2.0 * m * m * n, True
     m = _keep_right_ones(W, m, free, limits, forces)
@@ -100,7 +100,7 @@ def search(
             follow[:m] = W.d[:m]
             _back(W, m, follow)
             push, leaves = np.inf, -1
-            if curvature > _NO_PIVOT * itself:
+            if curvature > NO_PIVOT * itself:
                 push = abs(out) / curvature
             for k in range(m):
                 force = forces[W.acting[k]]
@@ -109,7 +109,7 @@ def search(
                     push, leaves = abs(force) / relief, k
             if abs(forces[p]) + push > too_dear:
                 return INFEASIBLE, values
-            if curvature > _NO_PIVOT * itself:
+            if curvature > NO_PIVOT * itself:
                 values += way * push * np.dot(rows, W.z)
                 out -= way * push * curvature
             for k in range(m):
@@ -141,7 +141,7 @@ def _taken_over(W: Factors, rows: np.ndarray, limits: Limits, forces: np.ndarray
     for a in range(forces.size):
         if forces[a] != 0.0 and np.isfinite(limits.lower[a] if forces[a] > 0.0 else limits.upper[a]):
             row_of(rows, a, limits.inputs, own)
-            if _split(W, m, own) > _NO_PIVOT * np.dot(own, own):
+            if _split(W, m, own) > NO_PIVOT * np.dot(own, own):
                 m = _enter(W, m, a)
                 continue
         forces[a] = 0.0

@@ -18,14 +18,19 @@ from tensctl.synthesis.qp import QP, Solution, judged
 # search is there often ended by the bound on its work.
 _ROOM, _PART, _SMALL = 110, 0.1, 250
 # Multiplications of a search on orthogonal factors.
-_WORK = 2e8
+WORK = 2e8
 # Largest violation, m, as of `synthesis.qp_daqp`.
 TOL = 1e-10
 
 
+def all_may_act(variables: int) -> bool:
+    """Whether there is room for all limits, and orthogonal factors for those that nearly depend on each other."""
+    return variables <= _SMALL
+
+
 def usual_room(variables: int) -> int:
     """Most limits that may act before a search gives up, where the caller asks for no more."""
-    return variables if variables <= _SMALL else max(_ROOM, int(_PART * variables))
+    return variables if all_may_act(variables) else max(_ROOM, int(_PART * variables))
 
 
 class DualSolver:
@@ -46,14 +51,14 @@ class DualSolver:
     def __init__(self, problem: Condensed, room: int | None = None, tol: float = TOL) -> None:
         n, self._inputs = problem.H.shape[0], problem.H.shape[0] // problem.horizon
         self._room, self._tol = usual_room(n) if room is None else min(room, n), tol  # no more can act at once
-        self._work = _WORK if room is None else np.inf
+        self._work = WORK if room is None else np.inf
         self._half = np.asfortranarray(np.linalg.cholesky(problem.H))
         rows = problem.rows
         # Rates first, then tensions; rates are the last n rows.
         self._order = np.roll(np.arange(rows.shape[0]), n)
         reduced = sla.solve_triangular(self._half, rows[self._order].T, lower=True)
         self._moves = np.ascontiguousarray(reduced.T @ reduced)
-        self._rows = np.ascontiguousarray(reduced.T) if n <= max(self._room, _SMALL) else None
+        self._rows = np.ascontiguousarray(reduced.T) if self._room >= n else None
         still = np.zeros(rows.shape[0])
         room_for = np.ones(rows.shape[0] + n)
         limits = (-room_for, room_for, self._inputs)  # no step should wait for a kernel

@@ -5,6 +5,10 @@
 
 static const double feasible = << number(search.feasible) >>; /* limits that are missed by less are kept, m */
 static const double no_curvature = << number(search.no_curvature) >>; /* of a limit's own: it depends on the basis */
+{% if orthogonal %}
+static const double few_digits = << number(search.few_digits) >>; /* of a limit's own: it is in doubt */
+static const double fine_work = << number(search.fine_work) >>; /* multiplications where nothing is left in doubt */
+{% endif %}
 
 /* own += row a of B, which is kept as its lower triangle. */
 static void add_moves(int a, double *own)
@@ -115,7 +119,8 @@ static int push_back(int p, double out, double *done)
     double itself = moved(self.own, p);
     for (;;) {
         *done += (double)self.count * (double)(self.count + self.inputs_from);
-        if (self.iterations >= MAX_ITERATIONS || *done > self.problem->work) {
+        double most = << "self.problem->half != NULL ? fine_work : " if orthogonal >>self.problem->work;
+        if (self.iterations >= MAX_ITERATIONS || *done > most) {
             return GIVEN_UP;
         }
         self.iterations++;
@@ -125,11 +130,17 @@ static int push_back(int p, double out, double *done)
         }
         times_inverse(self.column, self.turned);
         curvature -= dot(self.count, self.column, self.turned);
+{% if orthogonal %}
+        if (curvature < few_digits * itself && fabs(curvature) > no_curvature * itself && self.problem->half != NULL) {
+            self.force[p] = 0.0;
+            return DOUBTFUL;
+        }
+{% endif %}
         int loose = curvature > no_curvature * itself;
         double push = loose ? out / curvature : HUGE_VAL;
         int leaves = first_to_vanish(way, &push);
         if (!(push < HUGE_VAL)) {
-            return GIVEN_UP;
+            return << "self.problem->half != NULL ? DOUBTFUL : GIVEN_UP" if orthogonal else "GIVEN_UP" >>;
         }
         if (loose) {
             push_values(way * push);
@@ -175,6 +186,11 @@ static int search_dual(void)
         if (p < 0 && exact) {
             return SOLVED;
         }
+{% if orthogonal %}
+        if (p >= 0 && self.force[p] != 0.0 && self.problem->half != NULL) {
+            return DOUBTFUL; /* one that acts is out by rounding */
+        }
+{% endif %}
         if (p < 0) {
             begin_afresh();
             exact = 1;
@@ -182,8 +198,9 @@ static int search_dual(void)
         }
         exact = 0;
         first = self.count == 0 && out > first ? out : first;
-        if (out > self.problem->astray * first || push_back(p, out, &done) != SOLVED) {
-            return GIVEN_UP;
+        int ended = out > self.problem->astray * first ? GIVEN_UP : push_back(p, out, &done);
+        if (ended != SOLVED) {
+            return ended;
         }
     }
 }

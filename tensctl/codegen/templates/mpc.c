@@ -40,9 +40,14 @@ static struct {
     int count, basis[ROOM], side[MOST_ENTRIES];
     double inverse[ROOM][ROOM], column[ROOM], turned[ROOM], way[ROOM];
 
-    /* What the limits in a dual basis move; after that search a problem that is set aside. */
+    /* What the limits in a dual basis move{% if orthogonal %}, or their rows' factors{% endif %}; after that search a problem that is set aside. */
     union {
         double rows[DUAL_ROOM][MOST_KNOWN];
+{% if orthogonal %}
+        struct {
+            double Q[DUAL_ROOM][MOST_VARIABLES], R[DUAL_ROOM][DUAL_ROOM];
+        } factors;
+{% endif %}
         struct aside aside;
     } room;
 } self;
@@ -54,6 +59,10 @@ static struct {
 {% include "inverse.c" %}
 
 {% include "dual.c" %}
+{% if orthogonal %}
+
+{% include "orthogonal.c" %}
+{% endif %}
 
 {% include "primal.c" %}
 

@@ -15,6 +15,9 @@ struct problem {
      * further out than `astray` times the first. */
     int many;
     double astray;
+{% if orthogonal %}
+    const double *half; /* L of G = L L', lower triangle row by row, where limits may be searched on orthogonal factors */
+{% endif %}
     const double *G, *moves, *slope_from, *optimum_from, *tension_from;
     /* The first block column of M, row by row and rate by rate; of rates that are constant in parts of the horizon its
      * running sums over stages, rate by rate only. */
@@ -44,7 +47,7 @@ enum {
 };
 
 /* How a search ends. */
-enum { SOLVED, BOUNDED, GIVEN_UP };
+enum { SOLVED, BOUNDED, GIVEN_UP<< ", DOUBTFUL" if orthogonal >> };
 
 static const double accept = << number(accept) >>; /* largest KKT residual of an answer whose floors are kept */
 static const double kept = << number(floor_kept) >>; /* a limit of tension that is passed by less is kept, m */

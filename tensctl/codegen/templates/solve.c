@@ -94,6 +94,11 @@ static void keep_floors(double *guess)
 static int solved(double *guess, const double *now)
 {
     int ended = search_dual();
+{% if orthogonal %}
+    if (ended == DOUBTFUL) {
+        ended = search_finely();
+    }
+{% endif %}
     self.report.iterations += self.iterations;
     if (ended == SOLVED) {
         self.report.kkt = kkt_residual();
