@@ -22,7 +22,7 @@ from tensctl.synthesis.dual import BUSY, INFEASIBLE, SOLVED, furthest, row_of, r
 # What is left of a row below this part of its square is rounding.
 NO_PIVOT = 1e-22
 # No plan keeps all limits where it takes a force this many times the one that would put right alone what the minimum
-# without limits breaks most. A millionth below the edge of what can be kept it takes XX times.
+# without limits breaks most. A millionth below the edge of what can be kept it takes up to 1e7 times.
 TOO_DEAR = 1e8
 
 
