@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensctl.jit import jit
+from tensctl.jit import bare, jit
 from tensctl.model.joint_kernel import across_rows, factor, push_rows, solve
-from tensctl.model.kernel_columns import tidy_columns
+from tensctl.model.kernel import copy
+from tensctl.model.kernel_columns import copy_columns, tidy_columns
 
 _FREE, _TAIL, _HEAD, _FIXED = 0, 1, 2, 3
 # Closing joints: Newton's method converges from anything that a step leaves in two or three rounds.
@@ -21,7 +22,7 @@ _ROUNDS = 20
 _CLOSED = 2e-16
 
 
-@jit
+@bare
 def _end(data, j, a):
     """One end of row j: rod, axis, whether it moves, what q2'' is for a force on it, and how q1'' follows q2''."""
     at = data.first[j] if a == 0 else data.second[j]
@@ -55,7 +56,7 @@ def _turned_columns(data, q, dq, mu, count, dx):
                     dx[r, k, c] += follows * turn
 
 
-@jit
+@bare
 def _pushed_columns(data, q, dmu, count, dx):
     """Add W C' dmu: columns of `push_rows` of other forces on the same rods."""
     for j in range(dmu.shape[0]):
@@ -76,7 +77,7 @@ def _pushed_columns(data, q, dmu, count, dx):
                     dx[r, i, c] += centre * dmu[j, c]
 
 
-@jit
+@bare
 def _across_columns(data, dx, count, out):
     """Fill out (nc, count) with -C dx of every row."""
     for j in range(out.shape[0]):
@@ -92,7 +93,7 @@ def _across_columns(data, dx, count, out):
                 out[j, c] += side * (dx[r, i, c] + end * dx[r, 3 + i, c])
 
 
-@jit
+@bare
 def _solve_columns(data, values, x, count):
     """Solve S x = x in place for the first columns."""
     for j in range(x.shape[0]):
@@ -135,17 +136,21 @@ def tie_columns(data, q, dq, target, count, tie, x, dx):
 @jit
 def close_columns(data, q, v, dq, dv, count, tie):
     """Close joints and guides again, take velocities across them away, and the columns of both along."""
-    size, before, gap = 0.0, np.inf, tie[1]
+    size, before, gap, still = 0.0, np.inf, tie[1], np.zeros(data.target.size)
+    at, at_columns = np.empty(q.shape), np.empty(dq.shape)
     for r in range(data.mass.size):
         size = max(size, data.lengths[r])
     for _ in range(_ROUNDS):
         across_rows(data, q, gap)
-        worst = np.abs(gap - data.target).max()
+        worst = 0.0
+        for j in range(gap.size):
+            worst = max(worst, abs(gap[j] - data.target[j]))
         if worst <= _CLOSED * size or not worst < before:
             break
         before = worst
-        at, at_columns = q.copy(), dq.copy()
+        copy(q, at)
+        copy_columns(dq, at_columns, count)
         if not tie_columns(data, at, at_columns, data.target, count, tie, q, dq):
             return False
         tidy_columns(data, q, v, dq, dv, count)
-    return tie_columns(data, q, dq, 0.0 * data.target, count, tie, v, dv)
+    return tie_columns(data, q, dq, still, count, tie, v, dv)

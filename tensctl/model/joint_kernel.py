@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensctl.jit import jit
+from tensctl.jit import bare
 from tensctl.model.kernel import tidy
 
 _FREE, _TAIL, _HEAD, _FIXED = 0, 1, 2, 3
@@ -18,7 +18,7 @@ _ROUNDS = 20
 _CLOSED = 2e-16
 
 
-@jit
+@bare
 def _mobility(data, q, c, d):
     """Acceleration of end coordinate c by a unit force on end coordinate d of the same rod, 1/kg."""
     r, s, i, t, j = c // 6, (c // 3) % 2, c % 3, (d // 3) % 2, d % 3
@@ -34,10 +34,11 @@ def _mobility(data, q, c, d):
     return (same + (across if s == t else -across)) / data.mass[r]
 
 
-@jit
+@bare
 def factor(data, q, values):
     """Cholesky factor of S in its profile; false where a pivot is not positive: joints that lock."""
-    values[:] = 0.0
+    for i in range(values.size):
+        values[i] = 0.0
     for n in range(data.couples.shape[0]):
         j, k = data.couples[n, 0], data.couples[n, 1]
         total = 0.0
@@ -64,7 +65,7 @@ def factor(data, q, values):
     return True
 
 
-@jit
+@bare
 def solve(data, values, x):
     """Solve S x = x in place."""
     for j in range(x.size):
@@ -79,7 +80,7 @@ def solve(data, values, x):
             x[k] -= values[row + k] * x[j]
 
 
-@jit
+@bare
 def across_rows(data, q, x):
     """Fill x with C p: p_first - p_second of every row, of positions, velocities or accelerations."""
     for j in range(x.size):
@@ -93,7 +94,7 @@ def across_rows(data, q, x):
         x[j] = total
 
 
-@jit
+@bare
 def push_rows(data, q, mu, out):
     """Add to rod coordinates out what forces C' mu on the ends accelerate them by."""
     for j in range(mu.size):
@@ -119,7 +120,7 @@ def push_rows(data, q, mu, out):
                 out[r, i] += 2.0 * force / data.mass[r]
 
 
-@jit
+@bare
 def constraint_forces(data, q, acceleration, values, mu):
     """Fill mu for the accelerations that rods would have without joints and guides; false where they lock."""
     if not factor(data, q, values):
@@ -131,7 +132,7 @@ def constraint_forces(data, q, acceleration, values, mu):
     return True
 
 
-@jit
+@bare
 def constrain(data, q, acceleration, values, mu):
     """Add what joints and guides do to accelerations; false where they lock."""
     if not constraint_forces(data, q, acceleration, values, mu):
@@ -140,7 +141,7 @@ def constrain(data, q, acceleration, values, mu):
     return True
 
 
-@jit
+@bare
 def close(data, q, v, values, mu):
     """Close joints and guides again, square to them in the mass metric, and take velocities across them away."""
     size, before = 0.0, np.inf

@@ -57,6 +57,14 @@ class KernelData(NamedTuple):
     place: np.ndarray
 
 
+@bare
+def copy(source, target):
+    """Write one (nr, 6) array over another. What numba has for slices of any shape takes seconds to compile."""
+    for r in range(source.shape[0]):
+        for i in range(6):
+            target[r, i] = source[r, i]
+
+
 @part
 def place_nodes(data, q, place):
     """Write node positions (or velocities, with anchors at rest left out) from rod coordinates into a flat array."""

@@ -40,6 +40,15 @@ def column_room(data: KernelData, columns: int) -> ColumnRoom:
 
 
 @bare
+def copy_columns(source, target, count):
+    """Write the first columns of one (nr, 6, nc) array over those of another."""
+    for r in range(source.shape[0]):
+        for i in range(6):
+            for c in range(count):
+                target[r, i, c] = source[r, i, c]
+
+
+@bare
 def place_columns(data, q, dq, count, place, places):
     """Fill node positions (or velocities) and their columns from rod coordinates."""
     for r in range(data.mass.size):

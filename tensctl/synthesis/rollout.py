@@ -20,12 +20,14 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
-from tensctl.jit import jit
+from tensctl.jit import bare, jit
 from tensctl.model import Dynamics
 from tensctl.model.joint_columns import close_columns, tie_columns
+from tensctl.model.kernel import copy
 from tensctl.model.kernel_columns import (
     acceleration_columns,
     column_room,
+    copy_columns,
     place_columns,
     stretch_columns,
     tidy_columns,
@@ -186,15 +188,20 @@ def _roll(data, q, v, rest, aged, natural, gear, h, steps, load, room, work, tie
     still = np.zeros(data.first.size)
     nu, width = gear.shape[1], by_plan.shape[3]
     dq, dv, dq_sum, dv_sum, dq_at, dv_at, da = work
-    a, dL, length = np.zeros_like(q), np.zeros((gear.shape[0], width)), np.empty(gear.shape[0])
+    five = np.zeros((5, *q.shape))
+    q_sum, v_sum, q_at, v_at, a = five[0], five[1], five[2], five[3], five[4]
+    dL, length = np.zeros((gear.shape[0], width)), np.empty(gear.shape[0])
     for k in range(states.shape[0]):
         count, begins = (k + 1) * nu, max(0, (k + 1 - aged.shape[1]) * nu)
         for n in range(steps):
-            q_sum, v_sum, q_at, v_at = q.copy(), v.copy(), q.copy(), v.copy()
-            _copy(dq, dq_sum, count)
-            _copy(dv, dv_sum, count)
-            _copy(dq, dq_at, count)
-            _copy(dv, dv_at, count)
+            copy(q, q_sum)
+            copy(v, v_sum)
+            copy(q, q_at)
+            copy(v, v_at)
+            copy_columns(dq, dq_sum, count)
+            copy_columns(dv, dv_sum, count)
+            copy_columns(dq, dq_at, count)
+            copy_columns(dv, dv_at, count)
             for stage in range(4):
                 part = 2 * n + (0 if stage == 0 else 2 if stage == 3 else 1)
                 _rest_at(rest[k, part], aged[part], gear, k, length, dL)
@@ -213,9 +220,10 @@ def _roll(data, q, v, rest, aged, natural, gear, h, steps, load, room, work, tie
                             dv_sum[r, i, c] += weight * da[r, i, c]
                             dq_at[r, i, c] = dq[r, i, c] + ahead * dv_at[r, i, c]
                             dv_at[r, i, c] = dv[r, i, c] + ahead * da[r, i, c]
-            q[:], v[:] = q_sum, v_sum
-            _copy(dq_sum, dq, count)
-            _copy(dv_sum, dv, count)
+            copy(q_sum, q)
+            copy(v_sum, v)
+            copy_columns(dq_sum, dq, count)
+            copy_columns(dv_sum, dv, count)
             tidy_columns(data, q, v, dq, dv, count)
             if tie is not None and not close_columns(data, q, v, dq, dv, count, tie):
                 return False
@@ -223,20 +231,14 @@ def _roll(data, q, v, rest, aged, natural, gear, h, steps, load, room, work, tie
         place_columns(data, v, dv, count, room.speed, room.speeds)
         _rest_at(rest[k, 2 * steps], aged[2 * steps], gear, k, length, dL)
         stretch_columns(data, length, natural, dL, begins, count, room, stretch[k], stretches[k])
-        states[k, 0], states[k, 1] = room.place, room.speed
-        by_plan[k, 0, :, :count], by_plan[k, 1, :, :count] = room.places[:, :count], room.speeds[:, :count]
+        for i in range(room.place.size):
+            states[k, 0, i], states[k, 1, i] = room.place[i], room.speed[i]
+            for c in range(count):
+                by_plan[k, 0, i, c], by_plan[k, 1, i, c] = room.places[i, c], room.speeds[i, c]
     return True
 
 
-@jit
-def _copy(source, target, count):
-    for r in range(source.shape[0]):
-        for i in range(source.shape[1]):
-            for c in range(count):
-                target[r, i, c] = source[r, i, c]
-
-
-@jit
+@bare
 def _rest_at(rest, by_age, gear, k, length, dL):
     """Fill the rest lengths at a stage of a period and their columns, those of the inputs that they still feel."""
     nu = gear.shape[1]

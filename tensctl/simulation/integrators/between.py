@@ -6,11 +6,11 @@ time need not be stepped on, and recording does not change the motion.
 
 from __future__ import annotations
 
-from tensctl.jit import jit
+from tensctl.jit import bare
 from tensctl.model.kernel import tidy
 
 
-@jit
+@bare
 def between(data, q0, v0, a0, q1, v1, a1, h, x, q, v):
     """Fill q and v with the state a part x into a step of length h, rods put to their lengths."""
     for r in range(q.shape[0]):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensctl.jit import jit
+from tensctl.jit import bare, jit
 
 
 class Elimination(NamedTuple):
@@ -81,7 +81,7 @@ def plan(rows: np.ndarray, columns: np.ndarray, count: int) -> Elimination:
     )
 
 
-@jit
+@bare
 def _invert(A, T):
     """Replace the block A (5, 5) by its inverse, by Gauss and Jordan with row pivots in T; False when singular."""
     for i in range(5):

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensctl.errors import SimulationError
-from tensctl.jit import jit
+from tensctl.jit import bare, jit
 from tensctl.model import Dynamics
 from tensctl.model.joint_kernel import close, constrain
-from tensctl.model.kernel import accelerations, tidy
+from tensctl.model.kernel import accelerations, copy, tidy
 from tensctl.simulation.drive import Drive, drive_at
 from tensctl.simulation.integrators.between import between
 
@@ -38,6 +38,18 @@ NODES = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
 _STRICT = 0.01
 
 
+@bare
+def advance(q, v, kq, kv, weights, h):
+    """Add h times weighted slopes to a state, as many slopes as there are weights."""
+    for j in range(weights.size):
+        share = h * weights[j]
+        if share != 0.0:
+            for r in range(q.shape[0]):
+                for i in range(6):
+                    q[r, i] += share * kq[j, r, i]
+                    v[r, i] += share * kv[j, r, i]
+
+
 @jit
 def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale, out_q, out_v):
     """Move q and v through times; returns the time reached, the next step, right-hand sides, sum of errors.
@@ -49,8 +61,9 @@ def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale
     q_scale, v_scale : float, m, m/s
         Errors allowed in a step.
     """
-    kq, kv = np.zeros((7, *q.shape)), np.zeros((7, *q.shape))
-    q1, v1, q2, v2, rest, load = q.copy(), v.copy(), q.copy(), v.copy(), drive.rest.copy(), drive.force.copy()
+    kq, kv, room = np.zeros((7, *q.shape)), np.zeros((7, *q.shape)), np.zeros((4, *q.shape))
+    q1, v1, q2, v2 = room[0], room[1], room[2], room[3]
+    rest, load = drive.rest.copy(), drive.force.copy()
     flat = load.reshape(load.size)
     tied, values, mu = data.first.size > 0, np.zeros(data.place[-1]), np.zeros(data.first.size)
     locked = False
@@ -62,13 +75,11 @@ def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale
             return t, h, sides, total
         last = t + h >= t_end
         for s in range(7):
-            q1[:], v1[:] = q, v
-            for j in range(s):
-                if table[s, j] != 0.0:
-                    q1 += h * table[s, j] * kq[j]
-                    v1 += h * table[s, j] * kv[j]
+            copy(q, q1)
+            copy(v, v1)
+            advance(q1, v1, kq, kv, table[s, :s], h)
             drive_at(drive, t + nodes[s] * h, rest, flat)
-            kq[s] = v1
+            copy(v1, kq[s])
             accelerations(data, q1, v1, rest, load, kv[s])
             locked = tied and not constrain(data, q1, kv[s], values, mu)
             sides += 1
@@ -90,9 +101,11 @@ def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale
                 between(data, q, v, kv[0], q1, v1, kv[6], h, (times[k] - t) / h, q2, v2)
                 if tied:
                     close(data, q2, v2, values, mu)
-                out_q[k], out_v[k] = q2, v2
+                copy(q2, out_q[k])
+                copy(v2, out_v[k])
                 k += 1
-            q[:], v[:] = q1, v1
+            copy(q1, q)
+            copy(v1, v)
             total += worst * q_scale
             t = reached
             if not last:
@@ -102,7 +115,8 @@ def march(data, q, v, times, first, drive, table, error, nodes, q_scale, v_scale
         h *= factor
         if worst <= 1.0 and last:
             suggestion = max(suggestion, h)
-    out_q[-1], out_v[-1] = q, v
+    copy(q, out_q[-1])
+    copy(v, out_v[-1])
     return t, suggestion, sides, total
 
 

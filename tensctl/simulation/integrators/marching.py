@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensctl.jit import bare, part
+from tensctl.jit import bare, inlined, part
 from tensctl.model.kernel import springs
 from tensctl.simulation.drive import drive_bend
 from tensctl.simulation.integrators.conserved import alone, give_back, momenta_of
@@ -53,7 +53,7 @@ class Journey(NamedTuple):
     limits: np.ndarray
 
 
-@bare
+@inlined
 def probe(scene, t, h, start, now, other):
     """Distance in m of a step, taken from `start` to `now`, and two half steps, left in `other`."""
     copy_moment(start, other)

@@ -17,7 +17,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.jit import bare
 from tensctl.model import Dynamics
-from tensctl.model.kernel import tidy
+from tensctl.model.kernel import copy, tidy
 from tensctl.simulation.drive import Drive, drive_at
 from tensctl.simulation.integrators.chart import leave_chart, place_ends
 from tensctl.simulation.integrators.frozen import sides, worst_side
@@ -166,9 +166,8 @@ def march(task, q, v, times, first, q_scale, v_scale, band, out_q, out_v):
         reached = t_end if last else t + h
         while row < times.size - 1 and times[row] <= reached:
             within(table.H, (times[row] - t) / h, room.y, room.end, room.U, room.right)
-            for r in range(q.shape[0]):
-                for i in range(6):
-                    out_q[row, r, i], out_v[row, r, i] = q[r, i], v[r, i]
+            copy(q, out_q[row])
+            copy(v, out_v[row])
             record(task, room.right, out_q[row], out_v[row])
             row += 1
         record(task, room.end, q, v)
@@ -181,9 +180,8 @@ def march(task, q, v, times, first, q_scale, v_scale, band, out_q, out_v):
             h *= min(1.0 if refused else _GROW, max(0.2, grow))
             usual = usual if last else h
         before, refused, cut = error, False, False
-    for r in range(q.shape[0]):
-        for i in range(6):
-            out_q[-1, r, i], out_v[-1, r, i] = q[r, i], v[r, i]
+    copy(q, out_q[-1])
+    copy(v, out_v[-1])
     return t, max(usual, h), tries, changes, total
 
 

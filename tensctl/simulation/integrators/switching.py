@@ -11,7 +11,7 @@ of it costs an impulse of k band^2 / speed only, and rounding cannot make a tend
 
 from __future__ import annotations
 
-from tensctl.jit import bare
+from tensctl.jit import bare, inlined
 from tensctl.model.kernel import springs
 from tensctl.simulation.integrators.kept import opened
 from tensctl.simulation.integrators.leap import copy_moment, leap, rates_at, refresh
@@ -83,7 +83,7 @@ def first_to_leave(on, rest, gap0, rate0, gap1, rate1, h):
     return first, when, hidden
 
 
-@bare
+@inlined
 def again(scene, t, h, start, now):
     """Take the step from the same start with another length."""
     copy_moment(start, now)
@@ -91,7 +91,7 @@ def again(scene, t, h, start, now):
     rates_at(scene, t + h, now)
 
 
-@bare
+@inlined
 def land_on(scene, t, tendon, longest, guess, start, now):
     """The step length at which a tendon reaches its boundary, the structure left there; and how many trials it took."""
     work = opened(scene).work
@@ -119,7 +119,7 @@ def land_on(scene, t, tendon, longest, guess, start, now):
     return h, trials
 
 
-@bare
+@inlined
 def change_over(scene, t, tendon, now):
     """Put a tendon, and all in their band that move outward, on their other side; how many there were."""
     rows, _, work, _ = opened(scene)
@@ -135,7 +135,7 @@ def change_over(scene, t, tendon, now):
     return count
 
 
-@bare
+@inlined
 def settle(scene, t, h, start, now):
     """Shorten a step that was just taken to its first switch; returns its length, the tendon or -1, and steps tried."""
     work = opened(scene).work
