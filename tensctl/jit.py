@@ -27,6 +27,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numba.core.config
+from numba.core.types import unliteral
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -93,7 +94,12 @@ def _with_inside(function: Callable[..., Any], **options: Any) -> Any:
     inside.__qualname__ = f"{same.__qualname__}_inside"  # the cache tells kernels apart by it
     inside.__module__ = same.__module__
     called = _dispatcher(inside, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
-    kernel.get_call_template, kernel.get_overload = called.get_call_template, called.get_overload
+
+    def template(types, keywords):
+        # Without this a kernel compiles twice where an argument begins as a constant and changes in a loop.
+        return called.get_call_template([unliteral(each) for each in types], keywords)
+
+    kernel.get_call_template, kernel.get_overload = template, called.get_overload
     return kernel
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensctl.jit import jit
+from tensctl.jit import bare, jit
 
 # Pieces into which the interval between two records is cut when a passing is looked for.
 _PIECES = 4
@@ -46,12 +46,12 @@ class Found(NamedTuple):
     moment: np.ndarray
 
 
-@jit
+@bare
 def _clip(x):
     return min(max(x, 0.0), 1.0)
 
 
-@jit
+@bare
 def nearest(a, u, b, v):
     """Parameters s, t in [0, 1] of the nearest points of a + s u and b + t v, and their distance.
 
@@ -92,7 +92,7 @@ def nearest(a, u, b, v):
     return best_s, best_t, np.sqrt(best)
 
 
-@jit
+@bare
 def _boxes(nodes, ends, radius, low, high):
     """Fill the corners of the box about each member, grown by its radius."""
     for m in range(ends.shape[0]):
@@ -102,7 +102,7 @@ def _boxes(nodes, ends, radius, low, high):
             high[m, k] = max(x, y) + radius[m]
 
 
-@jit
+@bare
 def _moves(motion, k, ends, moves):
     """Fill a bound of how far any point of each member gets from where it is within interval k, m."""
     time, nodes, velocities = motion
@@ -118,17 +118,33 @@ def _moves(motion, k, ends, moves):
             moves[m] = max(moves[m], np.sqrt(step) + 4.0 / 27.0 * bulge)
 
 
-@jit
+@bare
 def _longest_axis(nodes):
     axis, longest = 0, -1.0
     for k in range(3):
-        extent = nodes[:, k].max() - nodes[:, k].min()
-        if extent > longest:
-            axis, longest = k, extent
+        low, high = nodes[0, k], nodes[0, k]
+        for n in range(1, nodes.shape[0]):
+            low, high = min(low, nodes[n, k]), max(high, nodes[n, k])
+        if high - low > longest:
+            axis, longest = k, high - low
     return axis
 
 
-@jit
+@bare
+def _largest(x):
+    """Largest of numbers of which none is below zero; zero of none."""
+    largest = 0.0
+    for i in range(x.size):
+        largest = max(largest, x[i])
+    return largest
+
+
+@bare
+def _length(x):
+    return np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+
+
+@bare
 def _apart(low_a, high_a, low_b, high_b, i, j, reach):
     """Whether two boxes are farther apart than reach on some axis."""
     far = False
@@ -137,14 +153,14 @@ def _apart(low_a, high_a, low_b, high_b, i, j, reach):
     return far
 
 
-@jit
+@bare
 def _joined(ends_a, ends_b, i, j):
     """Whether two members share a node."""
     c, d = ends_b[j, 0], ends_b[j, 1]
     return ends_a[i, 0] in (c, d) or ends_a[i, 1] in (c, d)
 
 
-@jit
+@bare
 def _distance(nodes, ends_a, ends_b, i, j, work):
     """Distance of two members' centre lines, m."""
     for k in range(3):
@@ -154,7 +170,7 @@ def _distance(nodes, ends_a, ends_b, i, j, work):
     return nearest(work[0], work[1], work[2], work[3])[2]
 
 
-@jit
+@bare
 def _between(motion, k, share, node, place):
     """Fill the place of a node within interval k: the cubic with both ends' positions and velocities."""
     time, nodes, velocities = motion
@@ -166,7 +182,7 @@ def _between(motion, k, share, node, place):
         place[i] = p + share * step + bulge
 
 
-@jit
+@bare
 def _triple(motion, k, pairs, i, j, share, work):
     """(u x v) . (b - a) within interval k, 0 where it is rounding; a, u, b, v are left in work."""
     for side in range(2):
@@ -187,7 +203,7 @@ def _triple(motion, k, pairs, i, j, share, work):
     return value if abs(value) > noise else 0.0
 
 
-@jit
+@bare
 def _meeting(motion, k, pairs, i, j, low, high, below, work):
     """Share of interval k at which two members pass, found by halving (low, high); negative where they miss."""
     for _ in range(_HALVINGS):
@@ -197,12 +213,12 @@ def _meeting(motion, k, pairs, i, j, low, high, below, work):
         else:
             high = middle
     _triple(motion, k, pairs, i, j, high, work)
-    size = np.sqrt((work[1] ** 2).sum()) + np.sqrt((work[3] ** 2).sum())
     # Where the lines meet beyond an end, or are parallel, the nearest points stay apart.
+    size = _length(work[1]) + _length(work[3])
     return high if nearest(work[0], work[1], work[2], work[3])[2] <= _MET * size else -1.0
 
 
-@jit
+@bare
 def _passings(motion, k, pairs, i, j, count, found, work):
     """List the moments within interval k at which two members pass; returns how many there are in all."""
     time = motion[0]
@@ -233,8 +249,9 @@ def watch(time, nodes, velocities, pairs, distance, pair, found):
     na, nb, close, passed = ends_a.shape[0], ends_b.shape[0], 0, 0
     low_a, high_a, moves_a = np.empty((na, 3)), np.empty((na, 3)), np.empty(na)
     low_b, high_b, moves_b = np.empty((nb, 3)), np.empty((nb, 3)), np.empty(nb)
+    lower, extent = np.empty(nb), np.empty(nb)
     work = np.empty((4, 3))
-    widest = max(pairs.near_a.max(), pairs.near_b.max())
+    widest = max(_largest(pairs.near_a), _largest(pairs.near_b))
     best_i, best_j = -1, -1
     for k in range(time.size):
         axis = _longest_axis(nodes[k])
@@ -242,10 +259,12 @@ def watch(time, nodes, velocities, pairs, distance, pair, found):
         _boxes(nodes[k], ends_b, pairs.radius_b, low_b, high_b)
         _moves(motion, k, ends_a, moves_a)
         _moves(motion, k, ends_b, moves_b)
-        fastest = moves_b.max()
-        order = np.argsort(low_b[:, axis])
-        lower = low_b[order, axis]
-        size = (high_b[:, axis] - low_b[:, axis]).max()
+        fastest = _largest(moves_b)
+        for j in range(nb):
+            lower[j], extent[j] = low_b[j, axis], high_b[j, axis] - low_b[j, axis]
+        order, size = np.argsort(lower), _largest(extent)
+        for place in range(nb):
+            lower[place] = low_b[order[place], axis]
         best = np.inf
         if best_i >= 0:  # the pair of the time before bounds the search from the start
             best = _distance(nodes[k], ends_a, ends_b, best_i, best_j, work)
