@@ -5,7 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import pytest
+from numba.core import event
+
+from tensctl.jit import inlined, part
 
 KERNEL = """
 from tensctl.jit import jit
@@ -124,3 +128,44 @@ def test_kernels_run_as_plain_python_for_a_debugger(kernels):
         check=True,
     )
     assert done.stdout.strip() == "function"
+
+
+def compiled(call):
+    """Names of what is compiled in a call."""
+    with event.install_recorder("numba:compile") as record:
+        call()
+    return [each.data["dispatcher"].py_func.__name__ for _, each in record.buffer if each.is_start]
+
+
+def test_a_kernel_is_compiled_for_kernels_once_and_for_python_when_it_calls():
+    """In `total` the first argument of `add` is a constant at first and then a number."""
+
+    @part
+    def add(x, y):
+        return x + y
+
+    @numba.njit
+    def total(n):
+        x = 0
+        for k in range(n):
+            x = add(x, k)
+        return x
+
+    assert compiled(lambda: total(5)) == ["total", "add"]
+    assert total(5) == 10
+    assert not add.signatures, "nothing is compiled for Python, which has not called it"
+    assert compiled(lambda: add(2, 3)) == ["add"]
+    assert add(2, 3) == 5
+
+
+def test_what_is_written_in_is_compiled_with_its_caller_alone():
+    @inlined
+    def twice(x):
+        return 2 * x
+
+    @numba.njit
+    def fourfold(x):
+        return twice(twice(x))
+
+    assert compiled(lambda: fourfold(3)) == ["fourfold"]
+    assert (fourfold(3), twice(3)) == (12, 6)
