@@ -9,17 +9,41 @@ in this way, so one derivative serves the three.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from tensctl.jit import bare, jit
+from tensctl.jit import bare
 from tensctl.model.joint_kernel import across_rows, factor, push_rows, solve
-from tensctl.model.kernel import copy
+from tensctl.model.kernel import KernelData, copy
 from tensctl.model.kernel_columns import copy_columns, tidy_columns
 
 _FREE, _TAIL, _HEAD, _FIXED = 0, 1, 2, 3
 # Closing joints: Newton's method converges from anything that a step leaves in two or three rounds.
 _ROUNDS = 20
 _CLOSED = 2e-16
+
+
+class TieRoom(NamedTuple):
+    """Room to work in: the factor of S, forces on rows (nc,) and their columns (nc, columns), a state to come from.
+
+    `still` holds the zeros (nc,) that accelerations and velocities across rows are brought to.
+    """
+
+    values: np.ndarray
+    mu: np.ndarray
+    dmu: np.ndarray
+    still: np.ndarray
+    longer: np.ndarray
+    at: np.ndarray
+    at_columns: np.ndarray
+
+
+def tie_room(data: KernelData, columns: int) -> TieRoom:
+    """Room for so many columns."""
+    rows, rods = data.first.size, data.mass.size
+    values, mu, dmu, still = np.zeros(data.place[-1]), np.zeros(rows), np.zeros((rows, columns)), np.zeros(rows)
+    return TieRoom(values, mu, dmu, still, np.zeros(columns), np.zeros((rods, 6)), np.zeros((rods, 6, columns)))
 
 
 @bare
@@ -35,10 +59,9 @@ def _end(data, j, a):
     return r, i, moves, scale, (1.0 if hold == _TAIL else -1.0 if hold == _HEAD else 0.0)
 
 
-@jit
-def _turned_columns(data, q, dq, mu, count, dx):
-    """Add W' C' mu: columns of `push_rows` of the same forces on rods that turn."""
-    longer = np.empty(count)
+@bare
+def _turned_columns(data, q, dq, mu, count, longer, dx):
+    """Add W' C' mu: columns of `push_rows` of the same forces on rods that turn; `longer` is room for one row."""
     for j in range(mu.size):
         for a in range(2):
             r, i, moves, scale, follows = _end(data, j, a)
@@ -112,20 +135,22 @@ def _solve_columns(data, values, x, count):
                 x[k, c] -= values[row + k] * x[j, c]
 
 
-@jit
+@bare
 def tie_columns(data, q, dq, target, count, tie, x, dx):
     """Bring x to C x = target by forces on the rows at q, and its columns along; false where rows lock.
 
-    `tie` is room: the factor of S, mu (nc,) and dmu (nc, columns).
+    Parameters
+    ----------
+    tie : TieRoom
     """
-    values, mu, dmu = tie
+    values, mu, dmu = tie.values, tie.mu, tie.dmu
     if not factor(data, q, values):
         return False
     across_rows(data, x, mu)
     for j in range(mu.size):
         mu[j] = target[j] - mu[j]
     solve(data, values, mu)
-    _turned_columns(data, q, dq, mu, count, dx)
+    _turned_columns(data, q, dq, mu, count, tie.longer, dx)
     _across_columns(data, dx, count, dmu)
     _solve_columns(data, values, dmu, count)
     _pushed_columns(data, q, dmu, count, dx)
@@ -133,11 +158,10 @@ def tie_columns(data, q, dq, target, count, tie, x, dx):
     return True
 
 
-@jit
+@bare
 def close_columns(data, q, v, dq, dv, count, tie):
     """Close joints and guides again, take velocities across them away, and the columns of both along."""
-    size, before, gap, still = 0.0, np.inf, tie[1], np.zeros(data.target.size)
-    at, at_columns = np.empty(q.shape), np.empty(dq.shape)
+    size, before, gap, at, at_columns = 0.0, np.inf, tie.mu, tie.at, tie.at_columns
     for r in range(data.mass.size):
         size = max(size, data.lengths[r])
     for _ in range(_ROUNDS):
@@ -153,4 +177,4 @@ def close_columns(data, q, v, dq, dv, count, tie):
         if not tie_columns(data, at, at_columns, data.target, count, tie, q, dq):
             return False
         tidy_columns(data, q, v, dq, dv, count)
-    return tie_columns(data, q, dq, still, count, tie, v, dv)
+    return tie_columns(data, q, dq, tie.still, count, tie, v, dv)

@@ -20,9 +20,9 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
-from tensctl.jit import bare, jit
+from tensctl.jit import bare
 from tensctl.model import Dynamics
-from tensctl.model.joint_columns import close_columns, tie_columns
+from tensctl.model.joint_columns import close_columns, tie_columns, tie_room
 from tensctl.model.kernel import copy
 from tensctl.model.kernel_columns import (
     acceleration_columns,
@@ -129,13 +129,12 @@ class Rolling:
         states, changes = np.zeros((periods, 2, size)), np.zeros((periods, 2, size, width))
         stretch, stretches = np.zeros((periods, nt)), np.zeros((periods, nt, width))
         load = dynamics.layout.spread(dynamics.members.forces).ravel()
-        work = tuple(np.zeros((*q.shape, width)) for _ in range(7))
-        rows, tie = dynamics.kernel.first.size, None
-        if dynamics.tied:
-            tie = np.zeros(dynamics.kernel.place[-1]), np.zeros(rows), np.zeros((rows, width))
+        work = tuple(np.zeros(q.shape) for _ in range(5)), tuple(np.zeros((*q.shape, width)) for _ in range(7))
+        lengths = np.zeros(nt), np.zeros((nt, width))
+        tie = tie_room(dynamics.kernel, width) if dynamics.tied else None
         moved = _roll(
             dynamics.kernel, q, v, rest, by_age, dynamics.members.rest_lengths, self._gear[:, : nu if columns else 0],
-            self.dt / self.steps, self.steps, load, room, work, tie, states, changes, stretch, stretches,
+            self.dt / self.steps, self.steps, load, room, work, lengths, tie, states, changes, stretch, stretches,
         )  # fmt: skip
         shape = (periods, 2, size // 3, 3)
         states, changes = states.reshape(shape), changes.reshape(*shape, width)
@@ -179,18 +178,16 @@ def rolling(dynamics: Dynamics, dt: float) -> Rolling:
     return Rolling(dynamics, dt, steps)
 
 
-@jit
-def _roll(data, q, v, rest, aged, natural, gear, h, steps, load, room, work, tie, states, by_plan, stretch, stretches):
+@bare
+def _roll(
+    data, q, v, rest, aged, natural, gear, h, steps, load, room, work, lengths, tie, states, by_plan, stretch, stretches
+):
     """Move q and v through all periods; fill nodes, stretches and their columns at the end of each.
 
     False where joints or guides lock on the way. Without any, tie is None, and nothing of theirs is compiled.
     """
-    still = np.zeros(data.first.size)
-    nu, width = gear.shape[1], by_plan.shape[3]
-    dq, dv, dq_sum, dv_sum, dq_at, dv_at, da = work
-    five = np.zeros((5, *q.shape))
-    q_sum, v_sum, q_at, v_at, a = five[0], five[1], five[2], five[3], five[4]
-    dL, length = np.zeros((gear.shape[0], width)), np.empty(gear.shape[0])
+    nu, (length, dL) = gear.shape[1], lengths
+    (q_sum, v_sum, q_at, v_at, a), (dq, dv, dq_sum, dv_sum, dq_at, dv_at, da) = work
     for k in range(states.shape[0]):
         count, begins = (k + 1) * nu, max(0, (k + 1 - aged.shape[1]) * nu)
         for n in range(steps):
@@ -206,7 +203,7 @@ def _roll(data, q, v, rest, aged, natural, gear, h, steps, load, room, work, tie
                 part = 2 * n + (0 if stage == 0 else 2 if stage == 3 else 1)
                 _rest_at(rest[k, part], aged[part], gear, k, length, dL)
                 acceleration_columns(data, q_at, v_at, length, load, dq_at, dv_at, dL, begins, count, room, a, da)
-                if tie is not None and not tie_columns(data, q_at, dq_at, still, count, tie, a, da):
+                if tie is not None and not tie_columns(data, q_at, dq_at, tie.still, count, tie, a, da):
                     return False
                 weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
                 ahead = h if stage == 2 else 0.5 * h
