@@ -163,7 +163,7 @@ RUNS = {
     "start": "^start .*expected",
     "t_end": "^t_end is .*> 0",
     "timepts": "timepts.*ascending order",
-    "dt": "^dt is .*> 0",
+    "dt": "^the control period dt is .*> 0",
     "rate_max": "^rate_max is .*> 0",
     "tol": "^tol is .*> 0 and < 1",
     "pushes": r"^pushes holds .*tc\.Push",

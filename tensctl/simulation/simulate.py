@@ -165,7 +165,10 @@ def _times(t_end, timepts, controller, dt) -> np.ndarray:
 def period_of(controller: Controller | None, dt: float | None) -> float:
     """The control period, s: as given, or the controller's own, or the default."""
     period = getattr(controller, "dt", None) if dt is None else dt
-    return argument("dt", _PERIOD if period is None else period, Number("s", above=0), SimulationError)
+    try:
+        return argument("dt", _PERIOD if period is None else period, Number("s", above=0), SimulationError)
+    except SimulationError as wrong:
+        raise SimulationError(f"the control period {wrong}") from None  # the controller's own, where none was given
 
 
 def _delay(controller: Controller | None, dt: float | None) -> float:
