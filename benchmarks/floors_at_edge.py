@@ -1,6 +1,6 @@
 """Tension floors near the edge of what can be kept: by whom problems are answered, and by how much floors give way.
 
-    python benchmarks/floors_at_edge.py          # prints the table; a minute
+    python benchmarks/floors_at_edge.py          # prints the table; some minutes
     python benchmarks/floors_at_edge.py --docs   # also renews it in docs/mpc.md
 
 Ten times the free (3,1) shell is at rest but for a motion in a direction of its own. A linear programme finds the speed
@@ -26,7 +26,7 @@ from tensctl.synthesis.qp_primal import PrimalSolver
 from tensctl.synthesis.relaxed import relax
 from tensctl.threads import one_blas_thread
 
-SEEDS, PARTS, HORIZONS = range(10), (-1e-1, -1e-2, -1e-3, -1e-4, -1e-6, 1e-3), (6, 10)
+SEEDS, PARTS, HORIZONS = range(10), (-1e-1, -1e-2, -1e-3, -1e-4, -1e-6, 1e-3), (6, 10, 20)
 HEAD = [
     "N", "part of the edge", "`dual`", "`primal`", "gives way", "bounded", "worst KKT", "bounded KKT",
     "most missing, N", "bounded, N", "at the first price, N", "median, ms", "most",

@@ -26,7 +26,7 @@ def searched(H, f, A, lower, upper, room=4 * N):
     known = np.vstack([np.eye(N), A[:-N]])
     values = known @ np.linalg.solve(H, -f)
     moves = known @ np.linalg.solve(H, known.T)
-    ended, forces = dual.search(moves, values, lower, upper, INPUTS, room, 1e-12, -np.inf)
+    ended, forces = dual.search(moves, values, lower, upper, INPUTS, room, 1e-12, -np.inf, np.inf)
     return ended, values[:N], forces
 
 

@@ -105,7 +105,7 @@ def test_products_have_lost_them():
     moves = np.vstack([np.eye(2), row]) @ np.vstack([np.eye(2), row]).T
     lower = np.array([-np.inf, -np.inf, 0.75, -np.inf, -np.inf, -np.inf])
     upper = np.array([np.inf, np.inf, np.inf, 0.75 - 0.5 * apart, np.inf, np.inf])
-    ended, _ = dual.search(moves, np.zeros(4), lower, upper, 2, 4, 1e-12, dual.FEW_DIGITS)
+    ended, _ = dual.search(moves, np.zeros(4), lower, upper, 2, 4, 1e-12, dual.FEW_DIGITS, np.inf)
     assert ended in (dual.DOUBTFUL, dual.INFEASIBLE)
 
 

@@ -84,7 +84,7 @@ def problem_tables(
         L = np.linalg.cholesky(tables[0].values)
         tables += (Table(f"half{suffix}", lower_triangle(L), "L of G = L L', lower triangle row by row"),)
     work = qp_primal.bounds(n, stages)[0]
-    most = len(rows) + n if qp_dual.all_may_act(n) else qp_dual.usual_room(n)
+    most = len(rows) + n if qp_dual.all_may_act(n) else qp_dual.most_broken(n)
     many, astray = (len(rows), np.inf) if patient else (most, dual.ASTRAY)
     members = {
         "stages": stages, "floors": len(rows) - n, "given": f_from.shape[1], "seen": tension_from.shape[1],

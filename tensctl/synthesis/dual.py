@@ -30,7 +30,7 @@ NO_PIVOT, FEW_DIGITS = 1e-10, 1e-6
 @jit
 def search(
     B: np.ndarray, values: np.ndarray, lower: np.ndarray, upper: np.ndarray, inputs: int, room: int, tol: float,
-    few: float,
+    few: float, work: float,
 ) -> tuple[int, np.ndarray]:  # fmt: skip
     """Put right what is broken.
 
@@ -49,10 +49,12 @@ def search(
         Largest violation.
     few : float
         Part of its own row's below which a curvature is doubtful; at -inf none is.
+    work : float
+        Multiplications after which it gives up.
 
     Returns
     -------
-    ended : SOLVED, BUSY (more limits act than there is room for, or it goes astray), INFEASIBLE or DOUBTFUL (few
+    ended : SOLVED, BUSY (more limits act than there is room or work for, or it goes astray), INFEASIBLE or DOUBTFUL (few
     digits are left of what acts)
     forces : (n + r + n,)
         Positive at lower limits; of the basis where it is in doubt.
@@ -63,7 +65,7 @@ def search(
     acting, rows = np.empty(room, np.int64), np.empty((room, known))
     inverse, column, follow = np.empty((room, room)), np.empty(room), np.empty(room)
     own, change, sums = np.empty(known), np.empty(known), np.empty(n)
-    m, exact, turns, first = 0, True, 0, 0.0
+    m, exact, done, first = 0, True, 0.0, 0.0
     while True:
         running(values, inputs, sums)
         p, out = furthest(values, sums, lower, upper, tol)
@@ -80,8 +82,8 @@ def search(
             return BUSY, forces
         row_of(B, p, inputs, own)
         while out != 0.0:
-            turns += 1
-            if turns > 20 * room:
+            done += 2.0 * m * (m + known)
+            if done > work:
                 return BUSY, forces
             for k in range(m):
                 column[k] = value(own, acting[k], inputs, known)

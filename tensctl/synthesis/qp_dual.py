@@ -15,23 +15,36 @@ from tensctl.synthesis.condensed import Condensed
 from tensctl.synthesis.qp import QP, Solution, judged
 
 # Most limits that may act: so many, or this part of the variables where that is more. At (8,4), 3040 variables, 300
-# take 0.14 s, 650 take 0.9 s and 1100 take 3 s. Up to so few variables all of them may: what is left to the primal
-# search is there often ended by the bound on its work.
-_ROOM, _PART, _SMALL = 110, 0.1, 250
-# Multiplications of a search on orthogonal factors; half of it was too little for 2 of 80 problems with 240 variables.
+# take 0.14 s, 650 take 0.9 s and 1100 take 3 s.
+_ROOM, _PART = 250, 0.1
+# Where there is not room for all it gives up at once when so many are broken, or that part of the variables.
+_BROKEN = 110
+# Multiplications where there is room for all: half of it was too little for 2 of 80 problems with 240 variables. And
+# elsewhere, up to so many variables, beyond by their square: 7 ms, and floors at 0.9 of the edge are kept with 480.
 WORK = 2e8
+_SOME_WORK, _VARIABLES = 4e7, 480
 # Largest violation, m, as of `synthesis.qp_daqp`.
 TOL = 1e-10
 
 
 def all_may_act(variables: int) -> bool:
     """Whether there is room for all limits, and orthogonal factors for those that nearly depend on each other."""
-    return variables <= _SMALL
+    return variables <= _ROOM
 
 
 def usual_room(variables: int) -> int:
     """Most limits that may act before a search gives up, where the caller asks for no more."""
-    return variables if all_may_act(variables) else max(_ROOM, int(_PART * variables))
+    return min(variables, max(_ROOM, int(_PART * variables)))
+
+
+def usual_work(variables: int) -> float:
+    """Multiplications after which it does."""
+    return WORK if all_may_act(variables) else _SOME_WORK * max(1.0, variables / _VARIABLES) ** 2
+
+
+def most_broken(variables: int) -> int:
+    """Limits that the minimum without limits may break where there is not room for all."""
+    return max(_BROKEN, int(_PART * variables))
 
 
 class DualSolver:
@@ -41,8 +54,7 @@ class DualSolver:
     ----------
     problem : Condensed
     room : int, optional
-        Most limits that may act before it gives up; at once, where the minimum without limits breaks more. By default
-        all of up to 250 variables, beyond 110, or a tenth of the variables.
+        Most limits that may act before it gives up; by default 250, or a tenth of the variables.
     tol : float, m
         Largest violation.
     """
@@ -52,7 +64,8 @@ class DualSolver:
     def __init__(self, problem: Condensed, room: int | None = None, tol: float = TOL) -> None:
         n, self._inputs = problem.H.shape[0], problem.H.shape[0] // problem.horizon
         self._room, self._tol = usual_room(n) if room is None else min(room, n), tol  # no more can act at once
-        self._work = WORK if room is None else np.inf
+        self._work = usual_work(n) if room is None else np.inf
+        self._broken = most_broken(n) if room is None else self._room
         self._half = np.asfortranarray(np.linalg.cholesky(problem.H))
         rows = problem.rows
         # Rates first, then tensions; rates are the last n rows.
@@ -63,7 +76,7 @@ class DualSolver:
         still = np.zeros(rows.shape[0])
         room_for = np.ones(rows.shape[0] + n)
         limits = (-room_for, room_for, self._inputs)  # no step should wait for a kernel
-        dual.search(self._moves, still, *limits, 1, tol, -np.inf)
+        dual.search(self._moves, still, *limits, 1, tol, -np.inf, 0.0)
         if self._rows is not None:
             orthogonal.search(self._rows, still, orthogonal.Limits(*limits), np.zeros(room_for.size), tol, 0.0)
 
@@ -75,13 +88,13 @@ class DualSolver:
         if not broken:
             idle = np.zeros(values.size)
             return Solution(free, idle, "solved", qp.residual(free, idle, values))
-        if broken > self._room and self._rows is None:
+        if broken > self._broken and self._rows is None:
             return judged(qp, None, None, "failed")
         n, order = qp.f.size, qp.f.size + self._order
         where = np.concatenate([order, np.arange(n)])
         rates, limits = values[order], (qp.lower[where], qp.upper[where], self._inputs)
         few = -np.inf if self._rows is None else dual.FEW_DIGITS
-        ended, forces = dual.search(self._moves, rates, *limits, self._room, self._tol, few)
+        ended, forces = dual.search(self._moves, rates, *limits, self._room, self._tol, few, self._work)
         if self._rows is not None and ended in (dual.DOUBTFUL, dual.INFEASIBLE):
             free, held = values[order], orthogonal.Limits(*limits)
             ended, rates = orthogonal.search(self._rows, free, held, forces, self._tol, self._work)
