@@ -54,8 +54,9 @@ def search(
 
     Returns
     -------
-    ended : SOLVED, BUSY (more limits act than there is room or work for, or it goes astray), INFEASIBLE or DOUBTFUL (few
-    digits are left of what acts)
+    ended : SOLVED, BUSY, INFEASIBLE or DOUBTFUL
+        Busy: more limits act than there is room or work for, or it goes astray. In doubt: few digits are left of what
+        acts.
     forces : (n + r + n,)
         Positive at lower limits; of the basis where it is in doubt.
     """

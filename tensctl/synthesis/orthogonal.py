@@ -214,7 +214,7 @@ def _missing(W: Factors, k: int, values: np.ndarray, limits: Limits, forces: np.
     """How far one that acts has to move to its limit."""
     a = W.acting[k]
     limit = limits.lower[a] if forces[a] > 0.0 else limits.upper[a]
-    return limit - value(values, a, limits.inputs, values.size)
+    return float(limit - value(values, a, limits.inputs, values.size))
 
 
 @jit
