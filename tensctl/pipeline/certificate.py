@@ -140,8 +140,8 @@ def _twice_rolled_out(mpc: NonlinearMPC, run: Run, k: int) -> tuple[float | None
         return None, None
     plan, soft = found[0].reshape(horizon, -1), relax(qp, horizon)
     price = float(soft.f[-1]), float(soft.H[-1, -1])
-    cost, inputs = reference_step(step, price)
-    give = step.beyond(plan).max(axis=1, initial=0.0)
+    cost, inputs = reference_step(step, None if found[1] in SOLVERS else price)
+    give = step.beyond(plan).max(axis=1, initial=0.0) * (found[1] not in SOLVERS)
     ours = step.cost(plan) + price[0] * give.sum() + 0.5 * price[1] * give @ give
     return _apart(ours, cost, qp), float(np.abs(plan[0] - inputs[0]).max())
 

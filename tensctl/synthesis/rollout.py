@@ -39,6 +39,8 @@ from tensctl.synthesis.lagging import followed_along
 _PHASE = 0.6
 # Most steps of a period; more are a sign of a period too long for the structure, or of stiff dampers.
 _MOST = 64
+# A period that is told is a little shorter, lest three digits make it too long.
+_BELOW = 0.995
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,11 +173,24 @@ def rolling(dynamics: Dynamics, dt: float) -> Rolling:
     steps = int(np.ceil(max(fastest * dt / _PHASE, 1.0)))
     if steps > _MOST:
         raise SynthesisError(
-            f"a period of {dt:g} s takes {steps} steps of the fastest motion, {fastest:.3g} 1/s; at most {_MOST} are "
-            f"expected, so take dt below {_MOST * _PHASE / fastest:.2g} s, or tc.MPC, which with "
-            'modes = "truncate" leaves such motions out.'
+            f"a period of {dt:g} s takes {steps} steps of the fastest motion, {fastest:.3g} 1/s ({_cause(dynamics)}); "
+            f"at most {_MOST} are expected, so take dt below {_BELOW * _MOST * _PHASE / fastest:.3g} s, or tc.MPC, "
+            'which with modes = "truncate" leaves such motions out.'
         )
     return Rolling(dynamics, dt, steps)
+
+
+def _cause(dynamics: Dynamics) -> str:
+    """What makes a structure's fastest motion fast, in words."""
+    if dynamics.damped and dynamics.fastest_decay > dynamics.fastest_rate:
+        return "dampers and drag stop it"
+    members, labels = dynamics.members, dynamics.structure.tendon_labels
+    stiffness = members.stiffness if members.law == "k" else members.stiffness / members.rest_lengths
+    stiffest, ratio = int(stiffness.argmax()), stiffness.max() / np.median(stiffness)
+    return (
+        f"tendon {labels[stiffest]} has {stiffness[stiffest]:.3g} N/m, {ratio:.2g} times the median, and the lightest "
+        f"rod {members.mass.min():.3g} kg, of {members.mass.max():.3g} at most"
+    )
 
 
 @bare
