@@ -8,6 +8,7 @@ from support import random_motion
 from test_export_c import RELAXED, Both
 
 import tensctl as tc
+from tensctl.synthesis.step_record import missing
 
 FORCES = (1e6, 1e-6)
 
@@ -30,15 +31,23 @@ def usual(tmp_path_factory):
 
 @pytest.mark.parametrize("forces", FORCES)
 def test_relaxed_steps(usual, forces, tmp_path):
-    """As many, the same ones, and as far; some of the others have floors that act and are kept to rounding."""
+    """As many, the same ones, and as far."""
     both, records = loop(forces, tmp_path), usual.python.records
     assert [record.status for record in both.python.records] == [record.status for record in records]
     assert both.outcomes == usual.outcomes
-    assert {"dual", "primal", "primal relaxed"} == {record.status for record in records}
+    assert {"dual", "primal relaxed"} <= {record.status for record in records}
     assert max(both.differences) < 1e-9
     for relaxed in ([record.relaxed for record in both.python.records], [report.relaxed for report in both.reports]):
         assert np.array(relaxed) / forces == pytest.approx([record.relaxed for record in records], rel=1e-3)
         assert [value > 0 for value in relaxed] == [outcome == RELAXED for outcome in usual.outcomes]
+
+
+@pytest.mark.parametrize("forces", [1.0, *FORCES])
+def test_rounding_gives_way_to_nothing(forces):
+    """Elongations of rounding in any stiffness; a hundred times that counts, and the worst tension of all is told."""
+    stiffness = forces * np.array([100.0, 300.0])
+    assert missing(np.array([[1e-12, 9e-12], [-1.0, 0.0]]), stiffness) == 0.0
+    assert missing(np.array([[1e-12, 9e-10], [1e-9, -1.0]]), stiffness) == pytest.approx(2.7e-7 * forces)
 
 
 @pytest.mark.parametrize("forces", FORCES)
