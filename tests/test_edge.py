@@ -44,6 +44,17 @@ def test_kept_whenever_they_can_be(thrown, inside):
     assert np.abs(plan.ravel() - reference.z).max() < 3e-5
 
 
+def test_kept_a_tenth_below_with_480_variables():
+    """More limits act there than the work of the primal search reaches from nothing; the dual one has room for them."""
+    plan, status, kkt, shortfall, hard = answered(Thrown(0, horizon=20), -0.1)
+    assert status == "dual"
+    assert shortfall < 1e-9
+    assert kkt < 1e-9
+    held = hard.values(plan.ravel())
+    at_limit = (held < hard.lower + 1e-9) | (held > hard.upper - 1e-9)
+    assert 110 < np.count_nonzero(at_limit) < 250
+
+
 @pytest.mark.parametrize("outside", [1e-5, 1e-3, 1e-1])
 def test_given_way_beyond(thrown, outside):
     """What gives way is told, and no answer claims floors that no plan keeps."""
