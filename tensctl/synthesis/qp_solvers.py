@@ -34,11 +34,17 @@ def first_choice(stages: int, inputs: int, states: int, spread: float) -> tuple[
     own = "dual" if stages * inputs <= _MANY else "daqp"
     name = own if dense <= staged or spread > _STIFF else "piqp"
     after = "after every active set, since it fails there" if spread > _STIFF else "after the primal active set"
+    at_rest, inside = (_plain(count / 1e6) for count in (dense, staged))
     return (
         name,
-        f"{dense / 1e6:.2g} million operations in an active set at rest, {staged / 1e6:.2g} in an interior point; the "
+        f"{at_rest} million operations in an active set at rest, {inside} in an interior point; the "
         f"stiffest tendon is {spread:.2g} times the softest: where floors give way an interior point is asked {after}",
     )
+
+
+def _plain(x: float) -> str:
+    """Two digits that tell, without an exponent."""
+    return f"{float(f'{x:.2g}'):,.10g}"
 
 
 def order_of(first: str, variables: int, spread: float) -> tuple[tuple[str, bool], ...]:
