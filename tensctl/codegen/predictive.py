@@ -78,7 +78,7 @@ def predictive(mpc: MPC, max_iterations: int | None) -> dict[str, Any]:
             ("LAST_SAMPLE", max(samples, wanted["last"]), "after which all is constant"),
             ("MAX_ITERATIONS", max_iterations or 10 * unknowns, "changes of the active set in a search"),
             ("ROOM", _room(variables, mpc.horizon), "for a primal basis"),
-            ("DUAL_ROOM", min(variables, qp_dual.usual_room(variables)), "for a dual one"),
+            ("DUAL_ROOM", qp_dual.usual_room(variables), "for a dual one"),
         ],
         "search": _SEARCH, "orthogonal": qp_dual.all_may_act(variables),
         "accept": ACCEPT, "fine": qp_primal.FINE, "astray": qp_primal.ASTRAY,

@@ -99,14 +99,9 @@ def search(
             if curvature < few * itself and abs(curvature) > NO_PIVOT * itself:
                 forces[p] = 0.0
                 return DOUBTFUL, forces
-            push, leaves = np.inf, -1
-            if curvature > NO_PIVOT * itself:
-                push = abs(out) / curvature
             way = 1.0 if out > 0.0 else -1.0
-            for k in range(m):
-                relief = way * follow[k] * (1.0 if forces[acting[k]] > 0.0 else -1.0)
-                if relief > 0.0 and abs(forces[acting[k]]) < push * relief:
-                    push, leaves = abs(forces[acting[k]]) / relief, k
+            push = abs(out) / curvature if curvature > NO_PIVOT * itself else np.inf
+            push, leaves = first_to_vanish(forces, acting, follow, m, way, push)
             if push == np.inf:
                 return INFEASIBLE, forces
             if curvature > NO_PIVOT * itself:
@@ -165,6 +160,20 @@ def row_of(rows: np.ndarray, a: int, inputs: int, row: np.ndarray) -> None:
     for j in range(a % inputs, a + 1, inputs):
         for i in range(row.size):
             row[i] += rows[j, i]
+
+
+@jit
+def first_to_vanish(
+    forces: np.ndarray, acting: np.ndarray, follow: np.ndarray, m: int, way: float, push: float
+) -> tuple[float, int]:
+    """How large a push may be until a force of the basis vanishes, and its place; the push itself and -1 where none."""
+    leaves = -1
+    for k in range(m):
+        force = forces[acting[k]]
+        relief = way * follow[k] * (1.0 if force > 0.0 else -1.0)
+        if relief > 0.0 and abs(force) < push * relief:
+            push, leaves = abs(force) / relief, k
+    return push, leaves
 
 
 @jit

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tensctl.jit import jit
-from tensctl.synthesis.dual import BUSY, INFEASIBLE, SOLVED, furthest, row_of, running, value
+from tensctl.synthesis.dual import BUSY, INFEASIBLE, SOLVED, first_to_vanish, furthest, row_of, running, value
 
 # What is left of a row below this part of its square is rounding.
 NO_PIVOT = 1e-22
@@ -99,14 +99,8 @@ def search(
             curvature = _split(W, m, own)
             follow[:m] = W.d[:m]
             _back(W, m, follow)
-            push, leaves = np.inf, -1
-            if curvature > NO_PIVOT * itself:
-                push = abs(out) / curvature
-            for k in range(m):
-                force = forces[W.acting[k]]
-                relief = way * follow[k] * (1.0 if force > 0.0 else -1.0)
-                if relief > 0.0 and abs(force) < push * relief:
-                    push, leaves = abs(force) / relief, k
+            push = abs(out) / curvature if curvature > NO_PIVOT * itself else np.inf
+            push, leaves = first_to_vanish(forces, W.acting, follow, m, way, push)
             if abs(forces[p]) + push > too_dear:
                 return INFEASIBLE, values
             if curvature > NO_PIVOT * itself:
