@@ -181,6 +181,76 @@ def test_runs_of_what_is_none(mast, name, wrong):
         tc.simulate(mast[0], **given)
 
 
+# Every argument of these calls that is of no use, and the words that say so; `run` is one without a controller.
+ASIDE = {
+    "store": (lambda x, mast, run: tc.simulate(*mast[:2], t_end=0.1, store=x), "^store is of type .*a file .*expected"),
+    "chunk": (lambda x, mast, run: tc.simulate(*mast[:2], t_end=0.1, chunk=x), "^chunk is .*a whole number >= 1"),
+    "progress": (lambda x, mast, run: tc.simulate(*mast[:2], t_end=0.1, progress=x), r"^progress .*advance\(n\)"),
+    "dt alone": (lambda x, mast, run: tc.simulate(*mast[:2], t_end=0.1, dt=x), "^the control period dt is .*> 0"),
+    "method": (lambda x, mast, run: tc.simulate(*mast[:2], t_end=0.1, method=x), "^method is .*; one of auto"),
+    "resume": (lambda x, mast, run: tc.resume(mast[0], x), "^store is of type .*what simulate was given as store"),
+    "resume dynamics": (lambda x, mast, run: tc.resume(x, "run.nc"), "^dynamics is of type"),
+    "save": (lambda x, mast, run: run.save(x), "^path is of type .*expected"),
+    "load": (lambda x, mast, run: tc.Run.load(x), "^path is of type .*expected"),
+    "inspect_run": (lambda x, mast, run: tc.inspect_run(x, run), "^dynamics is of type"),
+    "inspect_run run": (lambda x, mast, run: tc.inspect_run(mast[0], x), "^run is of type"),
+    "inspect_run pushes": (lambda x, mast, run: tc.inspect_run(mast[0], run, pushes=[x]), r"^pushes holds .*tc\.Push"),
+    "inertia": (lambda x, mast, run: tc.actuator_demand(run, mast[0], inertia=x), "^inertia is .*true or false"),
+    "simulate_many": (
+        lambda x, mast, run: tc.simulate_many(x, tc.Variations(), timepts=[0.0, 0.1]), "^dynamics is of type"
+    ),
+    "variations": (lambda x, mast, run: tc.simulate_many(mast[0], x, timepts=[0.0, 0.1]), "^variations is of type"),
+    "variations mass": (
+        lambda x, mast, run: tc.simulate_many(mast[0], tc.Variations(mass=x), timepts=[0.0, 0.1]), "^mass of the varia"
+    ),
+    "workers": (
+        lambda x, mast, run: tc.simulate_many(mast[0], tc.Variations(), timepts=[0.0, 0.1], workers=x), "^workers is"
+    ),
+    "recovery": (lambda x, mast, run: recovered(mast, dynamics=x), "^dynamics is of type"),
+    "recovery equilibrium": (lambda x, mast, run: recovered(mast, equilibrium=x), "^equilibrium is of type"),
+    "disturbances": (lambda x, mast, run: recovered(mast, disturbances=x), r"^disturbances holds .*tc\.Kick"),
+    "cap": (lambda x, mast, run: recovered(mast, cap=x), "^cap is .*a finite number > 0"),
+    "hold": (lambda x, mast, run: recovered(mast, hold=x), "^hold is .*a finite number > 0"),
+    "collide": (lambda x, mast, run: recovered(mast, collide=x), "^collide is .*true or false"),
+    "below": (lambda x, mast, run: recovered(mast, below=x), "^below is .*a whole number >= 0"),
+    "times of a history": (lambda x, mast, run: tc.History("P4_1_1", x, [[1.0, 0.0, 0.0]]), "^the times|^times"),
+    "forces of a history": (lambda x, mast, run: tc.History("P4_1_1", [0.0], x), "^the forces|^forces"),
+    "node of a history": (lambda x, mast, run: tc.History(x, [0.0], [[1.0, 0.0, 0.0]]), "^node is .*a label or patt"),
+    "times of a schedule": (lambda x, mast, run: tc.Schedule("t5_1_1", x, [0.0]), "^the times|^times"),
+    "change of a schedule": (lambda x, mast, run: tc.Schedule("t5_1_1", [0.0], x), "^the schedule|^change"),
+    "tendon of a schedule": (lambda x, mast, run: tc.Schedule(x, [0.0], [0.0]), "^tendon is .*a label or pattern"),
+    "kick": (lambda x, mast, run: tc.Kick("k", x), "velocities of kick .*expected"),
+    "label of a kick": (lambda x, mast, run: tc.Kick(x, np.ones((12, 3))), "^label is"),
+    "stop of a wave": (lambda x, mast, run: tc.Wave("P4_1_1", (1.0, 0.0, 0.0), 1.0, stop=x), "^stop is"),
+}  # fmt: skip
+
+
+def recovered(mast, **given):
+    kick = tc.Kick("all", np.ones((12, 3)))
+    usual = {"dynamics": mast[0], "equilibrium": mast[1], "disturbances": [kick], "cap": 1.0, "t_end": 0.1}
+    return tc.recovery(**usual | given)
+
+
+@pytest.fixture(scope="module")
+def run(mast):
+    return tc.simulate(*mast[:2], timepts=[0.0, 1e-3])
+
+
+@pytest.mark.parametrize("wrong", [object(), -1.5, np.nan, [[1], [2, 3]], np.array(["q", "r"])], ids=repr)
+@pytest.mark.parametrize("name", ASIDE)
+def test_what_runs_are_given_besides(mast, run, name, wrong):
+    call, sentence = ASIDE[name]
+    with pytest.raises(tc.TensctlError, match=sentence):
+        call(wrong, mast, run)
+
+
+@pytest.mark.parametrize("place", ["", "."])
+def test_a_run_stored_as_a_folder(mast, tmp_path, monkeypatch, place):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(tc.OutputError, match="it is a folder; give a file in it"):
+        tc.simulate(*mast[:2], t_end=0.1, store=place)
+
+
 @pytest.mark.parametrize("wrong", ["a", None, {}], ids=repr)
 def test_a_controller_that_gives_no_numbers(mast, wrong):
     class Wrong:
@@ -198,3 +268,25 @@ def test_periods_that_rounding_hides(mast, design):
     design(mast[2], dt=10 * least)
     with pytest.raises(tc.SynthesisError, match=f"short that rounding hides .*; take dt above {least:.2g} s"):
         design(mast[2], dt=0.1 * least)
+
+
+STEPPED = {
+    "lqr": lambda mast, path, eyes: tc.lqr(mast[2]),
+    "scheduled_lqr": lambda mast, path, eyes: tc.scheduled_lqr(path, mast[0], every=100),
+    "lqg": lambda mast, path, eyes: tc.lqg(mast[2], eyes, dt=0.02),
+    "MPC": lambda mast, path, eyes: tc.MPC(mast[2], horizon=2),
+    "OutputMPC": lambda mast, path, eyes: tc.OutputMPC(mast[2], eyes, horizon=2),
+    "NonlinearMPC": lambda mast, path, eyes: tc.NonlinearMPC(*mast[:2], horizon=2),
+}
+
+
+@pytest.mark.parametrize("name", STEPPED)
+def test_steps_at_no_time(mast, path, eyes, name):
+    """Refused before anything is remembered; a whole number and NumPy's are times."""
+    controller = STEPPED[name](mast, path, eyes)
+    for wrong in ("a", None, np.nan, np.inf, -np.inf, [0.0], 1j, True, *TOO_LARGE):
+        with pytest.raises(tc.SynthesisError, match=r"^t is .*; expected a finite number \(s, the time of"):
+            controller.step(wrong, None)
+    assert controller.state() == {}
+    for t in (0, np.float32(0.0), np.int64(0), np.array(0.0)):
+        assert np.abs(controller.step(t, None) - mast[1].inputs).max() < 1e-9

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,6 +54,19 @@ def real(name: str, value: Any, expected: str, error: type[TensctlError] = Synth
         if found.dtype.kind in "biufO":
             return found.astype(float)
     raise error(f"{name} is {shown(value)}; {expected} is expected.")
+
+
+def place(name: str, value: object, expected: str, error: type[TensctlError] = SynthesisError) -> Path:
+    """The path of a file or folder.
+
+    Raises
+    ------
+    TensctlError
+        Of the class given: of what type the value is, and what is expected.
+    """
+    if not isinstance(value, str | PathLike):
+        raise error(f"{name} is of type {type(value).__name__}; {expected} is expected.")
+    return Path(value)
 
 
 def check_kind(kind: type, *, error: type[TensctlError] = SynthesisError, **given: object) -> None:

@@ -18,6 +18,8 @@ from jaxtyping import Float
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
+from tensctl.scene.given import argument, check_kind, real
+from tensctl.scene.values import Number
 from tensctl.simulation.integrators import Method
 from tensctl.simulation.run import Run
 from tensctl.simulation.simulate import simulate
@@ -56,7 +58,11 @@ class Variations:
     def given(self) -> dict[str, np.ndarray]:
         """Those that vary."""
         named = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: np.asarray(array, float) for name, array in named.items() if array is not None}
+        return {
+            name: real(f"{name} of the variations", array, "one row of numbers a member", SimulationError)
+            for name, array in named.items()
+            if array is not None
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +133,13 @@ def simulate_many(
     SimulationError
         Variations of no member, of shapes that do not fit the structure, or of values that no member can have.
     """
+    check_kind(Dynamics, error=SimulationError, dynamics=dynamics)
+    check_kind(Variations, error=SimulationError, variations=variations)
+    if workers is not None:
+        workers = argument("workers", workers, Number("threads", least=1, whole=True), SimulationError)
     given = variations.given
     count = _count(dynamics, given)
-    times = np.asarray(timepts, float)
+    times = real("timepts", timepts, "finite times in ascending order, s,", SimulationError)
     _ = (
         dynamics.kernel,
         dynamics.fastest_rate,

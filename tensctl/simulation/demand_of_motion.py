@@ -12,8 +12,10 @@ import numpy as np
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
-from tensctl.scene.given import check_kind
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.values import Choice
 from tensctl.simulation.actuator_work import Pull, motor_forces, pull_of_run, pull_of_tensions
+from tensctl.simulation.checked import check_pushes
 from tensctl.simulation.demand import ActuatorDemand, Kind, Peak, Work
 from tensctl.simulation.energy import energy_at
 from tensctl.simulation.loads import Load
@@ -48,11 +50,13 @@ def actuator_demand(
     SimulationError
         A run without the dynamics that it belongs to, or a motion without actuators.
     """
+    inertia = argument("inertia", inertia, Choice(True, False), SimulationError)
     if isinstance(motion, ShapePath):
         return _of_path(motion, inertia)
     check_kind(Run, error=SimulationError, motion=motion)
     if dynamics is not None:
         check_kind(Dynamics, error=SimulationError, dynamics=dynamics)
+    check_pushes(pushes)
     if dynamics is None or motion.input_labels != dynamics.input_labels:
         raise SimulationError(
             "a run holds neither masses nor motors; give actuator_demand(run, dynamics) those of its scene."

@@ -8,6 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.errors import SimulationError
+from tensctl.scene.given import argument, real
+from tensctl.scene.values import Text
 from tensctl.simulation.loads import Push
 
 
@@ -33,7 +35,8 @@ class Kick:
         SimulationError
             Velocities that are not finite (N, 3), or all zero.
         """
-        given = np.asarray(self.velocities, float)
+        argument("label", self.label, Text(), SimulationError)
+        given = real(f"velocities of kick {self.label}", self.velocities, "an (N, 3) array", SimulationError)
         if given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all() or not given.any():
             raise SimulationError(
                 f'the velocities of kick "{self.label}" have shape {given.shape}; finite (N, 3), not all zero, are '

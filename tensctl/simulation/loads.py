@@ -14,6 +14,8 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.scene import PushRequest, WaveRequest
+from tensctl.scene.given import argument, real
+from tensctl.scene.values import Text
 from tensctl.simulation.times import ascends
 from tensctl.structure import matches
 
@@ -82,7 +84,7 @@ class Wave:
         """
         WaveRequest.checked(
             node=self.node, force=self.force, frequency=self.frequency, phase=self.phase, start=self.start,
-            stop=None if self.stop == np.inf else self.stop,
+            stop=None if isinstance(self.stop, float) and self.stop == np.inf else self.stop,
         )  # fmt: skip
 
     def at(self, t: float) -> np.ndarray:
@@ -113,9 +115,11 @@ class History:
         Raises
         ------
         SimulationError
-            Times that do not ascend, or a table of another shape.
+            Times that do not ascend, or a table of another shape or of no numbers.
         """
-        times, forces = np.asarray(self.times, float), np.asarray(self.forces, float)
+        argument("node", self.node, Text("a label or pattern"), SimulationError)
+        times = real(f"times of a load on {self.node}", self.times, "a list of finite times, s,", SimulationError)
+        forces = real(f"forces of a load on {self.node}", self.forces, "a list of [x, y, z], N,", SimulationError)
         if not ascends(times):
             raise SimulationError(f"the times of a load on {self.node} must be finite and ascending, in s.")
         if forces.shape != (times.size, 3) or not np.isfinite(forces).all():

@@ -17,6 +17,9 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.linear.modes import Modes
 from tensctl.model import Dynamics
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.values import Choice, Number
+from tensctl.simulation.checked import check_each
 from tensctl.simulation.controller import Controller
 from tensctl.simulation.disturb import Disturbance, over_at
 from tensctl.simulation.recovered import Recovery
@@ -87,12 +90,16 @@ def recovery(
     SimulationError
         An argument that does not fit, a push without a direction, or no flexible mode to take `hold` from.
     """
+    check_kind(Dynamics, error=SimulationError, dynamics=dynamics)
+    check_kind(Equilibrium, error=SimulationError, equilibrium=equilibrium)
+    check_each("disturbances", disturbances, Disturbance, 'tc.Kick("mode 7", linear.modes[6].shape)')
     if not disturbances:
         raise SimulationError("no disturbance is given; give pushes, or kicks of modes.")
     for name, value in (("cap", cap), ("t_end", t_end), ("within", within), ("width", width)):
-        if not (np.isfinite(value) and value > 0):
-            raise SimulationError(f"{name} is {value}; a finite number > 0 is expected.")
-    hold = _hold(equilibrium) if hold is None else hold
+        argument(name, value, Number(above=0), SimulationError)
+    hold = _hold(equilibrium) if hold is None else argument("hold", hold, Number("s", above=0), SimulationError)
+    collide = argument("collide", collide, Choice(True, False), SimulationError)
+    below = argument("below", below, Number("amplitudes", least=0, whole=True), SimulationError)
     late = max(map(over_at, disturbances)) + hold
     if not late <= t_end:
         raise SimulationError(

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
+from tensctl.scene.given import check_kind, place
+from tensctl.simulation.checked import check_counter
 from tensctl.simulation.controller import Controller, remember
 from tensctl.simulation.course import Counter, follow, set_out
 from tensctl.simulation.run import Run
@@ -43,7 +45,9 @@ def resume(
     OutputError
         When the file cannot be written.
     """
-    path = Path(store)
+    check_kind(Dynamics, error=SimulationError, dynamics=dynamics)
+    check_counter(progress)
+    path = place("store", store, "what simulate was given as store, a file,", SimulationError)
     stored = read_stored(path, dynamics)
     state, request = stored.state, stored.request
     if (request.period is None) != (controller is None):

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from tensctl.errors import OutputError, SimulationError
+from tensctl.scene.given import place
 from tensctl.simulation.journal import mend
 from tensctl.structure import Structure
 
@@ -157,7 +158,7 @@ class Run:
         OutputError
             When the file cannot be written.
         """
-        path = Path(path)
+        path = place("path", path, 'a file such as "run.nc"', OutputError)
         try:
             mend(path)
             self.to_dataset().to_netcdf(path, engine="h5netcdf")
@@ -176,4 +177,4 @@ class Run:
         """
         from tensctl.simulation.read import read_run
 
-        return read_run(Path(path))
+        return read_run(place("path", path, "a file of Run.save or of simulate(..., store=...)", SimulationError))

@@ -13,8 +13,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
+from tensctl.scene.given import check_kind
 from tensctl.simulation.buckling import Buckling, buckling
+from tensctl.simulation.checked import check_pushes
 from tensctl.simulation.clearance import Clearance, Segments, clearance
 from tensctl.simulation.loads import Load
 from tensctl.simulation.rod_forces import RodForces, rod_forces_along
@@ -101,7 +104,15 @@ def inspect_run(dynamics: Dynamics, run: Run, *, pushes: Sequence[Load] = ()) ->
     -------
     Sanity
         Print its `warnings`.
+
+    Raises
+    ------
+    SimulationError
+        An argument of another kind, or a run of another structure.
     """
+    check_kind(Dynamics, error=SimulationError, dynamics=dynamics)
+    check_kind(Run, error=SimulationError, run=run)
+    check_pushes(pushes)
     structure, members = dynamics.structure, dynamics.members
     length = structure.rod_lengths
     thin = Segments(structure.rods, members.radius, MET * length)

@@ -12,6 +12,8 @@ import numpy as np
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
+from tensctl.scene.given import argument, real
+from tensctl.scene.values import Text
 from tensctl.simulation.actuators import Actuators
 from tensctl.simulation.times import ascends
 from tensctl.structure import matches
@@ -40,9 +42,12 @@ class Schedule:
         Raises
         ------
         SimulationError
-            Times that do not ascend, or another number of changes.
+            Times that do not ascend, another number of changes, or what is no number.
         """
-        times, change = np.asarray(self.times, float), np.asarray(self.change, float)
+        argument("tendon", self.tendon, Text("a label or pattern"), SimulationError)
+        of = f"of the schedule of {self.tendon}"
+        times = real(f"times {of}", self.times, "a list of finite times, s,", SimulationError)
+        change = real(f"change {of}", self.change, "a list of rest-length changes, m,", SimulationError)
         if not ascends(times):
             raise SimulationError(f"the times of the schedule of {self.tendon} must be finite and ascending, in s.")
         if change.shape != times.shape or not np.isfinite(change).all():

@@ -12,15 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.scene.complaint import shown
-from tensctl.scene.given import argument, check_kind, real
+from tensctl.scene.given import argument, check_kind, place, real
 from tensctl.scene.values import Number
+from tensctl.simulation.checked import check_counter, check_each, check_pushes
 from tensctl.simulation.controller import Controller
 from tensctl.simulation.course import Counter, follow, set_out
 from tensctl.simulation.integrators import Method
@@ -95,15 +96,17 @@ def simulate(
         When `store` cannot be written.
     """
     check_kind(Dynamics, error=SimulationError, dynamics=dynamics)
-    _check(tol, method, controller)
+    _check(tol, method, controller, progress)
     rate_max = dynamics.members.rate_max if rate_max is None else _speed(rate_max)
-    _check_each("pushes", pushes, Load, 'tc.Push("P4_1_1", [5, 0, 0], 1.0, 1.1)')
-    _check_each("schedule", schedule, Schedule, 'tc.Schedule("t5_1_1", [0, 1], [0, 0.05])')
+    check_pushes(pushes)
+    check_each("schedule", schedule, Schedule, 'tc.Schedule("t5_1_1", [0, 1], [0, 0.05])')
+    chunk = argument("chunk", chunk, Number("records", least=1, whole=True), SimulationError)
+    period = period_of(controller, dt)
     if store is not None:
-        chunk = argument("chunk", chunk, Number("records", least=1, whole=True), SimulationError)
+        store = place("store", store, 'a file such as "run.nc"', SimulationError)
     request = Request(
         _times(t_end, timepts, controller, dt), pushes, schedule, method, tol, rate_max,
-        None if controller is None else period_of(controller, dt), None if store is None else chunk,
+        None if controller is None else period, None if store is None else chunk,
         _delay(controller, dt),
     )  # fmt: skip
     nodes, velocities, rest = started(dynamics, start)
@@ -121,22 +124,16 @@ def _speed(rate_max: float) -> float:
     return rate_max if unlimited else argument("rate_max", rate_max, Number("m/s", above=0), SimulationError)
 
 
-def _check(tol: float, method: str, controller: Controller | None) -> None:
+def _check(tol: float, method: str, controller: Controller | None, progress: Counter | None) -> None:
     argument("tol", tol, Number(above=0, below=1), SimulationError)
-    if method not in get_args(Method):
-        raise SimulationError(f'method is "{method}"; one of {", ".join(get_args(Method))} is expected.')
+    if not (isinstance(method, str) and method in get_args(Method)):
+        raise SimulationError(f"method is {shown(method)}; one of {', '.join(get_args(Method))} is expected.")
     for call in () if controller is None else ("step", "reset"):
         if not callable(getattr(controller, call, None)):
             raise SimulationError(
                 f"the controller has no {call}(); give an object with step(t, measurement) and reset()."
             )
-
-
-def _check_each(name: str, given: object, kind: Any, example: str) -> None:
-    listed = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    wrong = [one for one in listed if not isinstance(one, kind)]
-    if wrong:
-        raise SimulationError(f"{name} holds {shown(wrong[0])}; a list such as [{example}] is expected.")
+    check_counter(progress)
 
 
 def _times(t_end, timepts, controller, dt) -> np.ndarray:

@@ -55,6 +55,8 @@ class Store:
         self._path, self._dynamics, self._request, self._begun = path, dynamics, request, begun
         if not path.parent.is_dir():
             raise OutputError(f"{path} cannot be written: there is no folder {path.parent}.")
+        if path.is_dir():
+            raise OutputError(f"{path} cannot be written: it is a folder; give a file in it, such as run.nc.")
 
     def keep(self, part: Run, state: State) -> None:
         """Add a chunk, and the state at its end.

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
-from tensctl.synthesis.seen import numbers
+from tensctl.synthesis.seen import numbers, sampled_at
 from tensctl.synthesis.sensors import Reading
 
 
@@ -29,8 +29,10 @@ class Estimating:
         Raises
         ------
         SynthesisError
-            For a design in continuous time, or when anything but a reading of these sensors is shown.
+            For a design in continuous time, a time that is no finite number, or when anything but a reading of these
+            sensors is shown.
         """
+        sampled_at(t)
         self._check_shown(measurement)
         if measurement is None or not self._tells(measurement):
             last: np.ndarray = self.state().get("command", np.asarray(self.linear.equilibrium.inputs))

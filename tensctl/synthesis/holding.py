@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.synthesis.feedback import Measured
-from tensctl.synthesis.seen import numbers, refuse_misshapen
+from tensctl.synthesis.seen import numbers, refuse_misshapen, sampled_at
 
 
 class Holding:
@@ -27,8 +27,9 @@ class Holding:
         Raises
         ------
         SynthesisError
-            A measurement whose arrays have another shape than this structure's.
+            A time that is no finite number, or a measurement whose arrays have another shape than this structure's.
         """
+        t = sampled_at(t)
         u = self._answer(t, measurement) if measurement is not None and self._tells(t, measurement) else self._last(t)
         vars(self)["_command"] = u
         return u

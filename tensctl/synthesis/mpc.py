@@ -33,7 +33,7 @@ from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_solvers import SOLVERS, first_choice
 from tensctl.synthesis.reference import Hold, Reference, check_reference, outputs_along, refuse_beyond, rests
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
-from tensctl.synthesis.seen import known_inputs, refuse_misshapen, seen
+from tensctl.synthesis.seen import known_inputs, refuse_misshapen, sampled_at, seen
 from tensctl.synthesis.signal import Wanted, signal_for
 from tensctl.synthesis.slack_margin import Parting, expected, parting
 from tensctl.synthesis.step_record import StepRecord, told
@@ -190,9 +190,9 @@ class MPC:
         Raises
         ------
         SynthesisError
-            A measurement whose arrays have another shape than this structure's.
+            A time that is no finite number, or a measurement whose arrays have another shape than this structure's.
         """
-        began = perf_counter()
+        began, t = perf_counter(), sampled_at(t)
         self._refuse(measurement)
         now = self._commands_now(t, measurement)
         inputs = self._inputs_now(measurement, now)

@@ -33,6 +33,7 @@ from tensctl.synthesis.mpc import MPC
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.offset_filter import Estimate, OffsetFilter, offset_filter
 from tensctl.synthesis.reference import Hold, Reference, check_reference, rests
+from tensctl.synthesis.seen import sampled_at
 from tensctl.synthesis.sensors import Reading, Sensors
 from tensctl.synthesis.signal import Wanted
 from tensctl.synthesis.stabilisable import refuse_unseen
@@ -180,7 +181,7 @@ class OutputMPC(MPC):
         Raises
         ------
         SynthesisError
-            When anything but a reading of these sensors is shown.
+            A time that is no finite number, or when anything but a reading of these sensors is shown.
         """
         command = super().step(t, measurement)
         self._remember()
@@ -192,10 +193,10 @@ class OutputMPC(MPC):
         Raises
         ------
         SynthesisError
-            When anything but a reading of these sensors is shown.
+            A time that is no finite number, or when anything but a reading of these sensors is shown.
         """
         self._refuse_others(reading)
-        self._look(t, reading)
+        self._look(sampled_at(t), reading)
         self._remember()
 
     def _remember(self) -> None:

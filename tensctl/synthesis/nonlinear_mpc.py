@@ -41,7 +41,7 @@ from tensctl.synthesis.qp_solvers import SOLVERS
 from tensctl.synthesis.reference import Hold, Reference, check_reference, refuse_beyond
 from tensctl.synthesis.rollout import rolling
 from tensctl.synthesis.sampling_limit import Fast, below_sampling_limit
-from tensctl.synthesis.seen import Seen, known_inputs, refuse_misshapen, seen
+from tensctl.synthesis.seen import Seen, known_inputs, refuse_misshapen, sampled_at, seen
 from tensctl.synthesis.step_record import StepRecord, missing, told
 from tensctl.synthesis.weights import Size
 from tensctl.threads import one_blas_thread
@@ -166,9 +166,10 @@ class NonlinearMPC:
         Raises
         ------
         SynthesisError
-            A measurement whose arrays have another shape than this structure's, or with lag one without commands.
+            A time that is no finite number, a measurement whose arrays have another shape than this structure's, or
+            with lag one without commands.
         """
-        began, status = perf_counter(), "fallback"
+        began, status, t = perf_counter(), "fallback", sampled_at(t)
         if measurement is not None:
             refuse_misshapen(self.dynamics.structure, self.dynamics.members.gearing.size, measurement)
         asked = self._commands_now(t, measurement)

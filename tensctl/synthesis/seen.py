@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from tensctl.errors import SynthesisError
+from tensctl.scene.given import argument
+from tensctl.scene.values import Number
 from tensctl.structure import Structure
 from tensctl.synthesis.feedback import Measured
 
@@ -19,6 +21,7 @@ from tensctl.synthesis.feedback import Measured
 FITS = 0.5
 # What is larger is no number, as in exported source: squares and products of it would soon be none.
 LARGEST = 1e40
+_TIME = Number("s, the time of the sample")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,17 @@ class Seen:
     inputs: Float[np.ndarray, " nu"]
     tensions: Float[np.ndarray, " nt"] | None = None
     commands: Float[np.ndarray, " nu"] | None = None
+
+
+def sampled_at(t: object) -> float:
+    """The time of a sample, s.
+
+    Raises
+    ------
+    SynthesisError
+        What is no finite number.
+    """
+    return argument("t", t, _TIME)
 
 
 def numbers(values: object) -> Bool[np.ndarray, "..."]:
