@@ -47,12 +47,12 @@ class Report(ctypes.Structure):
 
 
 class Compiled:
-    """An exported controller in this process."""
+    """An exported controller in this process, optimised a little: `-O2` takes two and a half times as long to build."""
 
-    def __init__(self, source, inputs):
+    def __init__(self, source, inputs, level="-Og"):
         self.inputs = inputs
         library = source.with_suffix(".so")
-        build([source], library, "-shared", "-fPIC")
+        build([source], library, "-shared", "-fPIC", level)
         self._c = ctypes.CDLL(str(library))
         self._c.tensctl_last.restype = Report
         self.reset = self._c.tensctl_reset

@@ -61,7 +61,7 @@ def test_nothing_to_complain_about(lagging, tmp_path, kind):
     controller, shows, asked = kind(dynamics, linear, path)
     tc.export_c(controller, tmp_path)
     zig_compiles(tmp_path / "controller.c")
-    both = Told(controller, Compiled(tmp_path / "controller.c", rest.inputs.size), asked)
+    both = Told(controller, Compiled(tmp_path / "controller.c", rest.inputs.size, "-O2"), asked)
     both.shows = shows
     start = random_motion(rest.potential, np.random.default_rng(1), 0.01, 0.3)
     tc.simulate(dynamics, start, controller=both, t_end=0.5, rate_max=2.0)
