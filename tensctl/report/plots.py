@@ -45,6 +45,7 @@ _STYLE: "dict[RcKeyType, Any]" = {
     "axes.grid": True,
     "axes.grid.axis": "y",
     "axes.titlesize": 10.0,
+    "axes.titley": 1.0,  # or matplotlib lays out all ticks and labels once more, to put the title above them
     "axes.xmargin": 0.0,
     "grid.color": RULE.light,
     "grid.linewidth": 0.7,
