@@ -28,6 +28,7 @@ from tensctl.synthesis.lagging import commands_along, commands_now, followed_to_
 from tensctl.synthesis.limits import Ahead, Limits
 from tensctl.synthesis.lqr import Measured
 from tensctl.synthesis.mpc_weights import Weights
+from tensctl.synthesis.pace import refuse_outrun
 from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_solvers import SOLVERS, first_choice
@@ -88,8 +89,8 @@ class MPC:
     SceneError
         A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        A signal that does not fit the weighted outputs, a mode beyond the Nyquist frequency, no input, or no solution
-        of the terminal Riccati equation.
+        A path that is faster than its inputs may be, a signal that does not fit the weighted outputs, a mode beyond
+        the Nyquist frequency, no input, or no solution of the terminal Riccati equation.
     """
 
     def __init__(
@@ -142,6 +143,7 @@ class MPC:
         _check_size(self.linear, self.horizon)
         self.hard = InputLimits.of(self.linear.dynamics, self.rate_max, self.dt, self.u_max)
         refuse_beyond(self.reference, self.linear.inputs, self.hard.range)
+        refuse_outrun(self.reference, self.linear.dynamics.members, self.rate_max)
         for knot in range(len(self.reference.equilibria)):
             self._piece(knot)
         rest = self.linear.equilibrium

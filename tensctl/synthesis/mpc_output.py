@@ -32,6 +32,7 @@ from tensctl.synthesis.limits import Limits
 from tensctl.synthesis.mpc import MPC
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.offset_filter import Estimate, OffsetFilter, offset_filter
+from tensctl.synthesis.pace import refuse_outrun
 from tensctl.synthesis.reference import Hold, Reference, check_reference, rests
 from tensctl.synthesis.seen import sampled_at
 from tensctl.synthesis.sensors import Reading, Sensors
@@ -113,6 +114,7 @@ class OutputMPC(MPC):
         drift = argument("drift", drift, Number("deviations of a sensor in 1 s", above=0))
         if path is not None:
             check_reference(path, linear.dynamics)
+            refuse_outrun(path, linear.dynamics.members, self.rate_max)
         self.sensors = sensors
         self.wanted: Reference = Hold(linear.equilibrium) if path is None else path
         self.model: Disturbed = disturbed(self.linear, sensors, self.dt)

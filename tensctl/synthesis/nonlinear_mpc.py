@@ -34,6 +34,7 @@ from tensctl.synthesis.input_limits import InputLimits, check_asked, plan_of
 from tensctl.synthesis.lagging import commands_along, commands_now, followed_to_next
 from tensctl.synthesis.mpc_weights import Weights
 from tensctl.synthesis.nonlinear_problem import Bounds, Linearised, Measure
+from tensctl.synthesis.pace import refuse_outrun
 from tensctl.synthesis.qp import QP
 from tensctl.synthesis.qp_anew import answer
 from tensctl.synthesis.qp_primal import PrimalSolver
@@ -83,8 +84,8 @@ class NonlinearMPC:
     SceneError
         A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        No input, a mode beyond the Nyquist frequency that is refused, a motion too fast for the
-        period, or no solution of the terminal Riccati equation.
+        No input, a path that is faster than its inputs may be, a mode beyond the Nyquist frequency that is refused, a
+        motion too fast for the period, or no solution of the terminal Riccati equation.
     """
 
     # Who is asked first for a plan (`synthesis.qp_anew`).
@@ -122,6 +123,7 @@ class NonlinearMPC:
         check_reference(self.reference, dynamics)
         self.hard = InputLimits.of(dynamics, self.rate_max, self.dt, self.u_max)
         refuse_beyond(self.reference, dynamics.input_labels, self.hard.range)
+        refuse_outrun(self.reference, dynamics.members, self.rate_max)
         self._roll = rolling(dynamics, asked.dt)
         self._measures: dict[int, Measure] = {}
         self._states: dict[tuple[int, float], np.ndarray] = {}

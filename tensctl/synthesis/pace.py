@@ -1,6 +1,8 @@
 """Whether a path has enough time: speeds of rest lengths against their limit, tensions in motion against their floor.
 
 T = T_rest + dT / f^2,   du/dt = v / f + dv / f^3,   P = T du/dt   for a leg that takes f times as long
+
+A controller keeps the speeds of motors within limits of its own; a path that is faster would leave it behind.
 """
 
 from __future__ import annotations
@@ -11,8 +13,11 @@ import numpy as np
 from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
+from tensctl.structure import Members
+from tensctl.synthesis.input_limits import fastest_rates, powered_rates
 from tensctl.synthesis.legs import Leg
 from tensctl.synthesis.path import ShapePath
+from tensctl.synthesis.reference import Reference
 from tensctl.synthesis.target import Feature, Linear
 
 # Moments of a leg that are looked at, and the largest factor on its duration that is worth telling.
@@ -22,6 +27,8 @@ _LONGEST = 1e3
 ABOVE = 1.005
 # Moments between which power is the mean, and how near the time that would do is found.
 _FINE, _CLOSE = 2001, 1.0005
+# Speeds beyond their limit by this part are at it, to rounding.
+_ROUNDED = 1e-9
 # Room below this part of the largest tension is none.
 _NONE = 1e-6
 
@@ -59,17 +66,66 @@ def refuse_stronger(path: ShapePath, power_max: float) -> None:
         if asked.max(initial=0.0) <= power_max:
             continue
         at, motor = np.unravel_index(asked.argmax(), asked.shape)
-        low, high = 1.0, 2.0
-        while powers(high).max() > power_max:
-            low, high = high, 2 * high
-        while high > low * _CLOSE:
-            middle = np.sqrt(low * high)
-            low, high = (middle, high) if powers(middle).max() > power_max else (low, middle)
+        needed = ABOVE * leg.duration * _longer(lambda f, of=powers: of(f).max() > power_max)
         label = path.target.potential.members.gearing.labels[motor]
         raise SynthesisError(
             f"{leg.key}.duration = {leg.duration:g} s asks {asked.max():.3g} W of actuator {label} at {t[at]:.2f} s, "
-            f"above actuators.power_max = {power_max:g} W; allow {ABOVE * high * leg.duration:.3g} s or more."
+            f"above actuators.power_max = {power_max:g} W; allow {needed:.3g} s or more."
         )
+
+
+def refuse_outrun(reference: Reference, members: Members, rate_max: float) -> None:
+    """Refuse a planned path on which an input is faster than its controller lets it be.
+
+    Parameters
+    ----------
+    reference : Reference
+        Only a ShapePath says how fast it means to be.
+    members : Members
+    rate_max : float, m/s
+
+    Raises
+    ------
+    SynthesisError
+        With the first leg that is, the actuator, both speeds, and the time that would do.
+    """
+    if not isinstance(reference, ShapePath):
+        return
+    limits = fastest_rates(members, rate_max)
+    for leg in reference.legs:
+        speeds = _speeds(reference, leg)
+        asked = speeds(1.0).max(axis=0)
+        worst = int((asked / limits).argmax())
+        if asked[worst] <= limits[worst] * (1 + _ROUNDED):
+            continue
+        needed = ABOVE * leg.duration * _longer(lambda f, of=speeds: (of(f) > limits).any())
+        raise SynthesisError(
+            f"{leg.key}.duration = {leg.duration:g} s asks {asked[worst]:.3g} m/s of actuator "
+            f"{members.gearing.labels[worst]}, whose limit is {_limit_said(members, worst, rate_max)}, so the "
+            f"controller would stay behind; allow {needed:.3g} s or more, or raise that limit."
+        )
+
+
+def _limit_said(members: Members, motor: int, rate_max: float) -> str:
+    """The speed that an actuator may have, and what it comes from, in words."""
+    powered, rated = powered_rates(members)[motor], rate_max / members.gearing.largest[motor]
+    if powered < rated:
+        return (
+            f"{powered:.3g} m/s (actuators.power_max = {members.power_max:g} W over its {members.stall[motor]:.3g} N "
+            "with every tendon at force_max)"
+        )
+    return f"{rated:.3g} m/s (rate_max = {rate_max:g} m/s)"
+
+
+def _longer(beyond: Callable[[float], bool]) -> float:
+    """The least factor on a leg's duration at which nothing is beyond its limit any more."""
+    low, high = 1.0, 2.0
+    while beyond(high):
+        low, high = high, 2 * high
+    while high > low * _CLOSE:
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if beyond(middle) else (low, middle)
+    return high
 
 
 def _powers(
@@ -78,11 +134,19 @@ def _powers(
     """Moments of a leg, and the power of every motor between them, W, when it takes so many times as long."""
     t = leg.moments(_FINE)
     members = path.target.potential.members
-    rest, still = path.balanced_tensions_at(t), path.balanced_inputs_at(t)
+    rest = path.balanced_tensions_at(t)
     parts = [(T[1:] + T[:-1]) / 2 for T in (rest, path.tensions_at(t) - rest)]
     force, added = (part[:, members.inputs] @ members.gearing.matrix for part in parts)
+    speeds = _speeds(path, leg)
+    return t, lambda f: np.abs(force + added / f**2) * speeds(f)
+
+
+def _speeds(path: ShapePath, leg: Leg) -> Callable[[float], Float[np.ndarray, "t motors"]]:
+    """Speeds of every motor between moments of a leg, m/s, when it takes so many times as long."""
+    t = leg.moments(_FINE)
+    still = path.balanced_inputs_at(t)
     speed, quicker = (np.diff(u, axis=0) / np.diff(t)[:, None] for u in (still, path.inputs_at(t) - still))
-    return t, lambda f: np.abs((force + added / f**2) * (speed / f + quicker / f**3))
+    return lambda f: np.abs(speed / f + quicker / f**3)
 
 
 def _tighten_first(path: ShapePath, leg: Leg, tension_min: float, taking: str = "") -> str:
