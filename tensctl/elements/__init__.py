@@ -7,6 +7,7 @@ from tensctl.elements.jointed import JointedManifold
 from tensctl.elements.manifold import RodManifold
 from tensctl.elements.potential import Potential, PotentialPoint
 from tensctl.elements.rod import Hold, rod_acceleration, rod_energy
+from tensctl.elements.spread_mass import spread
 from tensctl.elements.tendon import tendon_energy, tendon_statics, tendon_tension
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "rod_energy",
     "rod_gaps",
     "scatter_blocks",
+    "spread",
     "tendon_energy",
     "tendon_statics",
     "tendon_tension",

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from tensctl.elements import Potential
-from tensctl.statics import mass_centre
+from tensctl.elements import Potential, spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +47,9 @@ class Frame:
         self, nodes: Float[np.ndarray, "nodes 3"], velocities: Float[np.ndarray, "nodes 3"]
     ) -> Float[np.ndarray, "nodes 3"]:
         """Node velocities as seen from the frame, m/s."""
-        carried = self.velocity + np.cross(self.spin, nodes - self.centre)
-        return (velocities - carried) @ self.rotation
+        x, y, z = self.spin
+        turning = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # r turning = spin x r
+        return (velocities - self.velocity - (nodes - self.centre) @ turning) @ self.rotation
 
 
 def best_fit(
@@ -59,17 +59,12 @@ def best_fit(
     velocities: Float[np.ndarray, "nodes 3"],
 ) -> Frame:
     """Frame that moves with a free structure: Kabsch fit of the mass, mean velocity and mean spin."""
-    rods, mass = potential.structure.rods, potential.members.mass
-    c_ref, c_now = mass_centre(potential, reference), mass_centre(potential, nodes)
-    moments = _products(rods, mass, nodes - c_now, reference - c_ref)
-    rotation = fitted(moments, potential.structure.planar)
-    drift = mass_centre(potential, velocities)
-    shape = _products(rods, mass, nodes - c_now, nodes - c_now)
+    structure = potential.structure
+    means, (turned, shape, moving) = spread(structure.rods, potential.members.mass, reference, nodes, velocities)
     inertia = np.trace(shape) * np.eye(3) - shape
-    moving = _products(rods, mass, nodes - c_now, velocities - drift)
     momentum = np.array([moving[1, 2] - moving[2, 1], moving[2, 0] - moving[0, 2], moving[0, 1] - moving[1, 0]])
-    spin = momentum / inertia[2, 2] if potential.structure.planar else np.linalg.solve(inertia, momentum)
-    return Frame(rotation, c_now, c_ref, drift, spin)
+    spin = momentum / inertia[2, 2] if structure.planar else np.linalg.solve(inertia, momentum)
+    return Frame(fitted(turned, structure.planar), means[1], means[0], means[2], spin)
 
 
 def fitted(moments: Float[np.ndarray, "*k 3 3"], flat: bool) -> Float[np.ndarray, "*k 3 3"]:
@@ -88,11 +83,3 @@ def fitted(moments: Float[np.ndarray, "*k 3 3"], flat: bool) -> Float[np.ndarray
     rotation[..., 0, 1] = -rotation[..., 1, 0]
     rotation[..., 2, 2] = 1.0
     return rotation
-
-
-def _products(rods: np.ndarray, mass: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Integral of a b' over the mass of the rods, (3, 3)."""
-    centres = 0.5 * (a[rods[:, 0]] + a[rods[:, 1]]), 0.5 * (b[rods[:, 0]] + b[rods[:, 1]])
-    vectors = a[rods[:, 1]] - a[rods[:, 0]], b[rods[:, 1]] - b[rods[:, 0]]
-    translation = np.einsum("r,ri,rj->ij", mass, *centres)
-    return translation + np.einsum("r,ri,rj->ij", mass / 12, *vectors)
