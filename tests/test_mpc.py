@@ -7,7 +7,7 @@ from support import random_motion, replaced, shell_scene, solved
 
 import tensctl as tc
 from tensctl.simulation import Measurement
-from tensctl.synthesis import Weights
+from tensctl.synthesis import Weights, condensed
 from tensctl.synthesis.piece import Piece
 from tensctl.synthesis.qp import Solution, judged
 from tensctl.synthesis.qp_cvxpy import reference_optimum
@@ -180,6 +180,18 @@ class TestOptimum:
             weight = problem.P if k == HORIZON - 1 else problem.Q
             cost += 0.5 * state @ weight @ state + 0.5 * v @ problem.R @ v
         assert qp.objective(plan.ravel()) + problem.constant(limits.start) == pytest.approx(cost, rel=1e-12)
+
+    @pytest.mark.parametrize("horizon", [1, 3, 12])
+    def test_short_products_are_the_matrices(self, mast, horizon, rng, monkeypatch):
+        """Large problems leave out the zeros of their rows; slacks of relaxed ones are added to the same."""
+        monkeypatch.setattr(condensed, "_LARGE", 0)
+        mpc = tc.MPC(mast[2], horizon=horizon)
+        qp = mpc.statement(0.0, disturbed(mast, *QUIET))[2]
+        for asked in (qp, mpc.piece_at(0.0).relaxed.problem(qp)):
+            z = rng.standard_normal(asked.f.size)
+            wanted = asked.A @ z
+            assert np.abs(asked.product(z) - wanted).max() < 1e-14 * np.abs(wanted).max()
+            assert np.abs(asked.pull(z) - asked.H @ z).max() < 1e-14 * np.abs(asked.H).max() * np.abs(z).sum()
 
     def test_tension_rows_predict_tensions(self, mast, controller, rng):
         """Stage by stage: scaled C e + D v of the linear model of all tensions."""

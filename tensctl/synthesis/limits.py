@@ -85,11 +85,11 @@ class Limits:
             start=self.start,
             free=None if unlimited is None else unlimited[:, : given.size] @ given,
             guess=np.tile(now, len(self.about)) if self.plan is None else self.plan.ravel(),
+            product=problem.rows_at,
         )
 
     def shortfall(self, problem: Condensed, plan: Float[np.ndarray, "N nu"]) -> float:
         """Largest tension that the plan leaves missing below a floor, or has above a stall limit, N; 0 with none."""
-        rows = problem.rows[: self.tension_margin.size]
-        predicted = problem.tension_from_state @ self.start + rows @ plan.ravel()
+        predicted = problem.tension_from_state @ self.start + problem.tensions_at(plan.ravel())
         below = -(predicted.reshape(self.tension_margin.shape) + self.tension_margin)
         return missing(below, problem.tension_scale)

@@ -51,7 +51,7 @@ def polish(qp: QP, found: Solution, half: Float[np.ndarray, "n n"]) -> Solution:
 
 def _acting(qp: QP, z: np.ndarray, y: np.ndarray) -> np.ndarray:
     """1 where an upper limit acts, -1 where a lower one does."""
-    values = np.concatenate([z, qp.A @ z])
+    values = qp.values(z)
     gap = np.abs(values - np.where(y > 0, qp.upper, qp.lower))
     acts = (y != 0) & (np.abs(y) * np.abs(values).max() > gap * np.abs(y).max())
     return np.where(acts, np.sign(y), 0.0)
@@ -59,7 +59,7 @@ def _acting(qp: QP, z: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def _corrected(qp: QP, side: np.ndarray, z: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Without limits that pull, with limits that are broken."""
-    values = np.concatenate([z, qp.A @ z])
+    values = qp.values(z)
     slack = _NOTHING * np.abs(values).max(initial=0.0)
     kept = np.where(side * y < -_NOTHING * np.abs(y).max(initial=0.0), 0.0, side)
     return np.where(values > qp.upper + slack, 1.0, np.where(values < qp.lower - slack, -1.0, kept))

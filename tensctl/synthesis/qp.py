@@ -7,11 +7,13 @@ Bounds come first for the variables, then for the rows of A. Multipliers y > 0 b
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg.blas import dsymv
 from scipy.linalg.lapack import dpotrs
 
 # An answer whose KKT residual is larger is refused.
@@ -22,7 +24,7 @@ _TINY = 1e-150
 
 @dataclass(frozen=True, eq=False)
 class QP:
-    """One quadratic programme with positive definite H.
+    """One quadratic programme with symmetric positive definite H.
 
     Attributes
     ----------
@@ -36,6 +38,8 @@ class QP:
         Values of what is bounded at the minimum without limits, where they are known.
     guess : (inputs,) or None
         A plan of inputs near the answer, for solvers that begin at one; slacks are theirs to find.
+    product : function or None
+        z to A z, where that is known to take less than all of A.
     """
 
     H: Float[np.ndarray, "n n"]
@@ -46,10 +50,15 @@ class QP:
     start: Float[np.ndarray, " s"] | None = None
     free: Float[np.ndarray, " n_plus_r"] | None = None
     guess: Float[np.ndarray, " m"] | None = None
+    product: Callable[[np.ndarray], np.ndarray] | None = None
 
     def objective(self, z: Float[np.ndarray, " n"]) -> float:
         """Value at z."""
-        return float(0.5 * z @ self.H @ z + self.f @ z)
+        return float(z @ (0.5 * self.pull(z) + self.f))
+
+    def pull(self, z: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """H z, of one half of H: the whole costs twice as much, which is all that a large check takes."""
+        return dsymv(1.0, self.H if self.H.flags.f_contiguous else self.H.T, z)
 
     def violation(self, z: Float[np.ndarray, " n"]) -> float:
         """Largest amount by which z breaks a bound, in the bound's unit."""
@@ -57,7 +66,7 @@ class QP:
 
     def values(self, z: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n_plus_r"]:
         """What is bounded: (z, A z)."""
-        return np.concatenate([z, self.A @ z])
+        return np.concatenate([z, self.A @ z if self.product is None else self.product(z)])
 
     def unlimited(self, half: Float[np.ndarray, "n n"]) -> Float[np.ndarray, " n_plus_r"]:
         """What is bounded, at the minimum without limits: by the Cholesky factor of H where it is not told."""
@@ -80,7 +89,7 @@ class QP:
     def residual(self, z: np.ndarray, y: np.ndarray, values: np.ndarray) -> float:
         """`kkt_residual` with the values of z at hand."""
         n = self.f.size
-        pull, pulls = self.H @ z, np.flatnonzero(y)
+        pull, pulls = self.pull(z), np.flatnonzero(y)
         left, scale = pull + self.f, max(np.abs(pull).max(), np.abs(self.f).max(), _TINY)
         reach = max(np.abs(values).max(), _TINY)
         if not pulls.size:  # no limit acts, and there is nothing more to sum up

@@ -45,7 +45,7 @@ def solve_lazily(qp: QP, most: int = 100_000, first: np.ndarray | None = None) -
     taken = np.zeros(0, int)
     rows = np.zeros((0, n))
     for _ in range(_ROUNDS):
-        values = np.concatenate([z, qp.A @ z])
+        values = qp.values(z)
         beyond = np.maximum(qp.lower - values, values - qp.upper) > _FEASIBLE
         beyond[taken] = False
         new = np.flatnonzero(beyond) if first is None else first
@@ -54,7 +54,7 @@ def solve_lazily(qp: QP, most: int = 100_000, first: np.ndarray | None = None) -
             return judged(qp, z, y, "solved")
         taken = np.concatenate([taken, new])
         rows = np.vstack([rows, _turned(qp, half, new)])
-        found = np.concatenate([free, qp.A @ free])[taken]
+        found = qp.values(free)[taken]
         bounds = qp.lower[taken] - found, qp.upper[taken] - found
         w, multipliers, status = _least(rows, *bounds, y[taken], most)
         if status != "solved":

@@ -76,7 +76,14 @@ class Relaxed:
             upper=np.concatenate([qp.upper[:n], np.full(slacks, np.inf), qp.upper[n:]]),
             start=qp.start,
             guess=qp.guess,
+            product=None if (rows_at := qp.product) is None else lambda z: self._eased(rows_at(z[:n]), z[n:]),
         )
+
+    def _eased(self, values: Float[np.ndarray, " r"], slacks: Float[np.ndarray, " N"]) -> Float[np.ndarray, " r"]:
+        """Values of the rows with slacks added to the floors of their stages."""
+        tensions = self.A.shape[0] - self.H.shape[0] + self.horizon
+        values[:tensions] += np.repeat(slacks, tensions // self.horizon)
+        return values
 
 
 def relax(qp: QP, horizon: int) -> QP:
