@@ -105,7 +105,7 @@ class Condensed:
         return self.tendons[self.side > 0]
 
     def rows_at(self, plan: Float[np.ndarray, " v"]) -> Float[np.ndarray, " r"]:
-        """Values of all rows by what is not zero in them: rates are differences, and no floor knows of what comes after it."""
+        """All rows by what is not zero in them: rates are differences, and floors know of nothing that comes later."""
         if self.rows.size < _LARGE:
             return self.rows @ plan
         changes, inputs = plan.copy(), plan.size // self.horizon
