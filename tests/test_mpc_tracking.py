@@ -278,3 +278,38 @@ class TestSignal:
         for energy in (0.0, 1.0):
             with pytest.raises(tc.SynthesisError, match="weights of states and inputs are too far apart"):
                 tc.MPC(mast[2], horizon=2, weights=tc.Weights(energy=energy, outputs={"nodes": 1e-12}))
+
+
+BEYOND = {
+    "function": lambda rest, far: lambda t: rest + far * (t >= 0.0),
+    "later": lambda rest, far: lambda t: rest + far * (t > 0.1),
+    "table": lambda rest, far: ([0.0, 1.0, 9.0], [rest, rest, rest + far]),
+    "courses": lambda rest, far: Courses({"P4_1_1_z": ([0.0, 9.0], [0.0, far])}),
+}
+
+
+@pytest.mark.parametrize("feedback", ["state", "outputs"])
+@pytest.mark.parametrize("kind", BEYOND)
+def test_a_signal_beyond_all_lengths(mast, kind, feedback):
+    """Refused when it is given, and that of a function when it comes; just within the bound there is an answer."""
+    dynamics, rest, linear = mast
+    height = rest.nodes[dynamics.structure.node_labels.index("P4_1_1"), 2]
+    weights, size = tc.Weights(outputs={"nodes:P4_1_1_z": 1e-3}), 1e-3
+    still = tc.Measurement(rest.nodes, 0 * rest.nodes, rest.lengths, rest.tensions, rest.inputs)
+    eyes = tc.sensors(dynamics.structure, nodes=1e-3)
+
+    def stepped(far):
+        common = {"horizon": 2, "weights": weights, "signal": BEYOND[kind](height, far)}
+        if feedback == "state":
+            controller, seen = tc.MPC(linear, **common), still
+        else:
+            controller = tc.OutputMPC(linear, eyes, **common)
+            seen = controller.sensors.read(still, 0)
+        controller.step(0.0, seen)
+        controller.step(0.2, seen)
+        return controller.records
+
+    for far in (1.001e6 * size, 1e12, -1e30):
+        with pytest.raises(tc.SynthesisError, match=r"^the signal wants \S+ of P4_1_1_z at \S+ s, .* a larger size\.$"):
+            stepped(far)
+    assert {record.status for record in stepped(0.99e6 * size)} <= {"dual", "primal", "primal bounded"}

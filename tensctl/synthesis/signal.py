@@ -14,6 +14,12 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import LinearModel
 from tensctl.scene.complaint import shown
 from tensctl.synthesis.mpc_weights import Weights
+from tensctl.synthesis.reference import Hold, outputs_along
+
+# Farthest from rest that an output may be wanted, in sizes at which it counts 1: a kilometre where a millimetre does.
+# On the (3,1) mast, N = 20, steps take 70 ms at most up to 1e7 sizes; at 1e9 one took 5 s, at 1e18 all took 15 to 30 s
+# and gave no answer: limits are rounded away beside the pull.
+_FARTHEST = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +55,23 @@ class Signal:
     labels : tuple of str
     given : function of time, (times, values), or Courses
         Values in the outputs' own units, in total but for courses, (ny,) or (times, ny).
+    sizes : (ny,)
+        At which deviations count 1.
+    rest : (ny,)
+        What the outputs are at rest.
     """
 
     labels: Sequence[str]
     given: Wanted
+    sizes: Float[np.ndarray, " ny"]
+    rest: Float[np.ndarray, " ny"]
+
+    @property
+    def knots(self) -> Float[np.ndarray, " k"]:
+        """Times of its tables, s; of a function only the first moment is known."""
+        if isinstance(self.given, Courses):
+            return np.unique(np.concatenate([np.zeros(1), *(course[0] for course in self.given.table.values())]))
+        return np.asarray(self.given[0], float) if isinstance(self.given, tuple) else np.zeros(1)
 
     @property
     def about_path(self) -> bool:
@@ -65,8 +84,20 @@ class Signal:
         Raises
         ------
         SynthesisError
-            Values of another shape or not finite.
+            Values of another shape, not finite, or farther from rest than can be weighed.
         """
+        values = self._values(times)
+        far = np.abs(values if self.about_path else values - self.rest) / self.sizes
+        if far.max(initial=0.0) > _FARTHEST:
+            k, i = np.unravel_index(far.argmax(), far.shape)
+            raise SynthesisError(
+                f"the signal wants {values[k, i]:.3g} of {self.labels[i]} at {times[k]:g} s, {far[k, i]:.3g} times the "
+                f"size at which weights count 1 away from rest; at most {_FARTHEST:.0e} times are expected, so give "
+                "values in the output's own unit (m, m/s, N), or a larger size."
+            )
+        return values
+
+    def _values(self, times: np.ndarray) -> np.ndarray:
         if isinstance(self.given, tuple):
             return self._between(times, self.given, self.labels)
         if isinstance(self.given, Courses):
@@ -118,7 +149,7 @@ def _takes_time(given: Callable[..., Any]) -> bool:
 
 
 def signal_for(weights: Weights, linear: LinearModel, given: Wanted | None) -> Signal | None:
-    """The signal for the weighted outputs, checked at t = 0.
+    """The signal for the weighted outputs, checked at t = 0 and at all times of a table.
 
     Raises
     ------
@@ -138,6 +169,9 @@ def signal_for(weights: Weights, linear: LinearModel, given: Wanted | None) -> S
         )
     if callable(given) and not _takes_time(given):
         raise SynthesisError("signal takes no time; a function of one number, s, is expected.")
-    signal = Signal(weights.of_outputs(linear).linear.outputs, given)
+    weighed = weights.of_outputs(linear)
+    rest = outputs_along(Hold(linear.equilibrium), weighed.linear, np.zeros(1))[0]
+    signal = Signal(weighed.linear.outputs, given, weighed.sizes, rest)
     signal.at(np.zeros(1))
+    signal.at(signal.knots)
     return signal
