@@ -32,7 +32,7 @@ from tensctl.statics.rigid import RigidMotions, unseen_motions
 
 Form = Literal["dense", "sparse"]
 
-# Dense is faster for all columns up to here and takes 70 MB; for a handful of columns sparse is, from about 1000 on
+# Dense is faster for all columns up to here and takes 70 MB; for a handful of columns sparse is, from about 700 on
 # (one core, docs/prestress.md).
 _SPARSE_FROM = 3000
 # Beyond this condition number no digit of the response is left.
