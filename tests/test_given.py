@@ -244,6 +244,32 @@ def test_what_runs_are_given_besides(mast, run, name, wrong):
         call(wrong, mast, run)
 
 
+SCENES = {
+    "build_dynamics": (tc.build_dynamics, "scene"),
+    "find_equilibrium": (tc.find_equilibrium, "scene"),
+    "find_equilibrium start": (lambda x: tc.find_equilibrium(shell_scene(), start=x), "start"),
+    "find_equilibrium inputs": (lambda x: tc.find_equilibrium(shell_scene(), inputs=x), "inputs"),
+    "work_precision": (tc.work_precision, "scene"),
+    "budget": (lambda x: tc.work_precision(shell_scene(), budget=x), "budget"),
+    "run": (lambda x: tc.run(x, "out"), "scene"),
+    "out": (lambda x: tc.run(shell_scene(), x), "out"),
+    "load_scene": (tc.load_scene, "path"),
+    "harmonic_lqr": (tc.harmonic_lqr, "linear"),
+    "harmonic_lqg": (lambda x: tc.harmonic_lqg(x, None), "linear"),
+    "harmonic_kalman": (lambda x: tc.harmonic_kalman(x, None), "linear"),
+    "harmonic_truncate": (lambda x: tc.harmonic_truncate(x, 4), "outputs"),
+    "harmonic_weights": (lambda x: tc.harmonic_weights(x, energy=1.0), "linear"),
+}
+
+
+@pytest.mark.parametrize("wrong", [object(), [[1], [2, 3]], {}, 1j], ids=repr)
+@pytest.mark.parametrize("name", SCENES)
+def test_calls_with_what_is_no_scene_or_model(name, wrong):
+    call, argument = SCENES[name]
+    with pytest.raises(tc.TensctlError, match=rf"^{argument} is .*expected"):
+        call(wrong)
+
+
 @pytest.mark.parametrize("place", ["", "."])
 def test_a_run_stored_as_a_folder(mast, tmp_path, monkeypatch, place):
     monkeypatch.chdir(tmp_path)

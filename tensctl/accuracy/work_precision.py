@@ -9,21 +9,19 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensctl.accuracy.motion import Motion, distance
 from tensctl.accuracy.reference import Reference
 from tensctl.accuracy.result import Attempt, WorkPrecision
-from tensctl.errors import TensctlError
-from tensctl.scene import AccuracyStage
+from tensctl.errors import SimulationError, TensctlError
+from tensctl.scene import AccuracyStage, Scene
+from tensctl.scene.given import argument, check_kind
+from tensctl.scene.values import Number
 from tensctl.simulation import Run
 from tensctl.simulation.integrators import Method
 from tensctl.simulation.integrators.choose import applicable
-
-if TYPE_CHECKING:
-    from tensctl.scene import Scene
 
 # Further runs of one setting, to time it warm, are made only when a run takes less than this, s.
 _REPEATS, _QUICK = 3, 1.0
@@ -47,8 +45,11 @@ def work_precision(scene: Scene, *, budget: float | None = None) -> WorkPrecisio
     Raises
     ------
     SimulationError
-        When the reference itself cannot be made.
+        An argument of another kind, or a reference that cannot be made.
     """
+    check_kind(Scene, error=SimulationError, scene=scene)
+    if budget is not None:
+        budget = argument("budget", budget, Number("s", above=0), SimulationError)
     asked = AccuracyStage() if scene.accuracy is None else scene.accuracy
     motion = Motion.of(scene, asked.t_end)
     methods = asked.methods or applicable(motion.dynamics)

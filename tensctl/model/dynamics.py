@@ -11,16 +11,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from tensctl.elements import JointedManifold, Potential, RodManifold
+from tensctl.errors import StructureError
 from tensctl.model.constraints import Constraints
 from tensctl.model.damping import resolve_damping
 from tensctl.model.explain import Term, as_table, explain
 from tensctl.model.layout import Layout
 from tensctl.model.symbolic import SymbolicModel, coordinate_count, symbolic_model
+from tensctl.scene import Scene
+from tensctl.scene.given import check_kind
 from tensctl.structure import Members, Structure, nodal_weight
 
 if TYPE_CHECKING:
     from tensctl.model.kernel import KernelData
-    from tensctl.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,10 +239,11 @@ def build_dynamics(scene: Scene) -> Dynamics:
     Raises
     ------
     StructureError
-        A recipe or label that does not fit.
+        No scene, or a recipe or label that does not fit.
     EquilibriumError
         A damping ratio for a structure without a stable equilibrium.
     """
+    check_kind(Scene, error=StructureError, scene=scene)
     potential = Potential.of(scene)
     damping, drag = resolve_damping(potential)
     return Dynamics(potential, damping, drag)

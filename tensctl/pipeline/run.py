@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensctl.atomic import replaced_folder
-from tensctl.errors import EquilibriumError, SceneError, SimulationError
+from tensctl.errors import EquilibriumError, OutputError, SceneError, SimulationError
 from tensctl.pipeline.clock import Clock
 from tensctl.pipeline.motion import demanded, is_driven, simulated
 from tensctl.pipeline.results import Results
 from tensctl.pipeline.solvers import solvers_measured
 from tensctl.pipeline.unfinished import Unfinished
 from tensctl.progress import Progress
+from tensctl.scene import Scene
+from tensctl.scene.given import check_kind, place
 from tensctl.statics import Equilibrium, Stability, find_equilibrium
 
 if TYPE_CHECKING:
     from tensctl.accuracy import SolverPrecision
     from tensctl.analysis import Study
-    from tensctl.scene import Scene
     from tensctl.synthesis import LQG, LQR, MPC, SampledLQR, ScheduledLQR
 
 
@@ -45,6 +46,8 @@ def run(scene: Scene, out: str | Path, *, progress: Progress | None = None) -> R
     TensctlError
         One sentence that says what cannot be done and what to try.
     """
+    check_kind(Scene, error=SceneError, scene=scene)
+    out = place("out", out, "a folder", OutputError)
     unfinished = Unfinished.under(out)
     if _stores(scene):
         unfinished.refuse_if_begun()

@@ -11,6 +11,7 @@ from typing import Any
 
 from tensctl.errors import SceneError
 from tensctl.scene.complaint import shown
+from tensctl.scene.given import place
 from tensctl.scene.scene import Scene
 
 
@@ -22,7 +23,7 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     SceneError
         A file that cannot be read or is not in its format (with line and column), or what `Scene` refuses.
     """
-    path = Path(path)
+    path = place("path", path, "a scene file, TOML or JSON,", SceneError)
     read: tuple[str, Callable[[str], Any]] = ("JSON", _json) if path.suffix == ".json" else ("TOML", tomllib.loads)
     content = _parsed(path, _text(path), *read)
     if not isinstance(content, dict):

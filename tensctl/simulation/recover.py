@@ -97,18 +97,18 @@ def recovery(
         raise SimulationError("no disturbance is given; give pushes, or kicks of modes.")
     for name, value in (("cap", cap), ("t_end", t_end), ("within", within), ("width", width)):
         argument(name, value, Number(above=0), SimulationError)
-    hold = _hold(equilibrium) if hold is None else argument("hold", hold, Number("s", above=0), SimulationError)
+    stay: float = _hold(equilibrium) if hold is None else argument("hold", hold, Number("s", above=0), SimulationError)
     collide = argument("collide", collide, Choice(True, False), SimulationError)
     below = argument("below", below, Number("amplitudes", least=0, whole=True), SimulationError)
-    late = max(map(over_at, disturbances)) + hold
+    late = max(map(over_at, disturbances)) + stay
     if not late <= t_end:
         raise SimulationError(
-            f"t_end is {t_end:g} s; the disturbances and the {hold:g} s for which the structure has to stay in place "
+            f"t_end is {t_end:g} s; the disturbances and the {stay:g} s for which the structure has to stay in place "
             f"take {late:g} s, so give a later one."
         )
     size = float(np.ptp(equilibrium.nodes, axis=0).max())
     experiment = Experiment(
-        dynamics, equilibrium, controller, t_end, within * size, hold, period_of(controller, dt),
+        dynamics, equilibrium, controller, t_end, within * size, stay, period_of(controller, dt),
         dynamics.members.rate_max if rate_max is None else rate_max, collide, tol,
     )  # fmt: skip
     found = [_search(experiment, disturbance, cap, width, below) for disturbance in disturbances]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from tensctl.elements import Potential, PotentialPoint
 from tensctl.errors import EquilibriumError
+from tensctl.scene import Scene
+from tensctl.scene.given import check_kind, real
 from tensctl.statics import balance
 from tensctl.statics.definiteness import Definiteness
 from tensctl.statics.harmonics import harmonic_definiteness, harmonic_smallest
@@ -29,9 +30,6 @@ from tensctl.statics.stability import (
 )
 from tensctl.statics.symmetry import CyclicSymmetry
 from tensctl.structure import Structure, lengths
-
-if TYPE_CHECKING:
-    from tensctl.scene import Scene
 
 # Above this residual the nodes are no equilibrium, unless rounding of the nodes alone leaves more than a tenth of it.
 _ACCEPTABLE = 1e-9
@@ -212,8 +210,13 @@ def find_equilibrium(
     Raises
     ------
     EquilibriumError
-        When no balance is reached, with the residual and what to try.
+        An argument of another kind, or no balance that is reached, with the residual and what to try.
     """
+    check_kind(Scene, error=EquilibriumError, scene=scene)
+    if start is not None:
+        start = real("start", start, "an (N, 3) array of nodes, m,", EquilibriumError)
+    if inputs is not None:
+        inputs = real("inputs", inputs, "an array of rest-length changes, (nu,) m,", EquilibriumError)
     return settle(Potential.of(scene), start=start, inputs=inputs, newton=newton_of(scene))
 
 

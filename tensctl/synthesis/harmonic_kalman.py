@@ -21,7 +21,7 @@ from tensctl.analysis import harmonic_observability
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, HarmonicOutputs, LinearModel
 from tensctl.linear.harmonic_block import Harmonic, Shown
-from tensctl.scene.given import argument
+from tensctl.scene.given import argument, check_kind
 from tensctl.scene.values import Number
 from tensctl.synthesis.harmonic_riccati import Equation, by_harmonic, doubt_of, name_lost, poles_of, residual_of, stable
 from tensctl.synthesis.harmonic_weights import of_sector
@@ -154,6 +154,8 @@ def harmonic_kalman(
     LinearizationError
         Sensors that leave out an image.
     """
+    check_kind(HarmonicModel, linear=linear)
+    check_kind(Sensors, sensors=sensors)
     outputs, V, forces = symmetric_noise(linear, sensors, force_noise)
     if dt is not None:
         period = dt = argument("dt", dt, Number("s", above=0))

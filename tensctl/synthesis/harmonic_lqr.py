@@ -20,7 +20,7 @@ from tensctl.analysis import harmonic_controllability
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel, LinearModel, sample_ramped
 from tensctl.linear.harmonic_block import Harmonic
-from tensctl.scene.given import argument
+from tensctl.scene.given import argument, check_kind
 from tensctl.scene.values import Number
 from tensctl.synthesis.crossed import optimal
 from tensctl.synthesis.feedback import Measured, command
@@ -201,6 +201,7 @@ def harmonic_lqr(
     SynthesisError
         Weights that do not fit, no input, or a mode that is not damped and not driven, or not seen by the weights.
     """
+    check_kind(HarmonicModel, linear=linear)
     if linear.nx == 0 or linear.nu == 0:
         raise SynthesisError(
             f"the model has {linear.nx} flexible states and {linear.nu} inputs; at least one of each is needed."

@@ -23,7 +23,7 @@ from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicOutputs
 from tensctl.linear.harmonic_block import Harmonic
 from tensctl.linear.outputs import safe_label
-from tensctl.scene.given import argument
+from tensctl.scene.given import argument, check_kind
 from tensctl.scene.values import Number
 from tensctl.synthesis.harmonic_riccati import by_harmonic
 from tensctl.synthesis.truncation import NOISE, Truncated, check_order, cut, gramian_factor, hankel
@@ -133,6 +133,7 @@ def harmonic_truncate(
     SynthesisError
         An undamped structure with neither of them, or an order that is not there.
     """
+    check_kind(HarmonicOutputs, outputs=outputs)
     linear = outputs.model
     check_order(order, linear.nx)
     if horizon is not None:

@@ -14,7 +14,7 @@ from tensctl.analysis.scaling import input_stiffness
 from tensctl.errors import SynthesisError
 from tensctl.linear import HarmonicModel
 from tensctl.linear.harmonic_block import Harmonic, Shown
-from tensctl.scene.given import argument
+from tensctl.scene.given import argument, check_kind
 from tensctl.scene.values import Number
 from tensctl.synthesis.weights import Cost, Size, allowed_sizes
 
@@ -49,6 +49,7 @@ def harmonic_weights(
     SynthesisError
         A size that is no positive number or breaks the symmetry, or an input that costs nothing.
     """
+    check_kind(HarmonicModel, linear=linear)
     structure, symmetry = linear.dynamics.structure, linear.map.point.sector.symmetry
     shown: dict[Shown, np.ndarray] = {}
     if nodes is not None:

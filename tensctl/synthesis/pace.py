@@ -98,7 +98,7 @@ def refuse_outrun(reference: Reference, members: Members, rate_max: float) -> No
         worst = int((asked / limits).argmax())
         if asked[worst] <= limits[worst] * (1 + _ROUNDED):
             continue
-        needed = ABOVE * leg.duration * _longer(lambda f, of=speeds: (of(f) > limits).any())
+        needed = ABOVE * leg.duration * _longer(lambda f, of=speeds: bool((of(f) > limits).any()))
         raise SynthesisError(
             f"{leg.key}.duration = {leg.duration:g} s asks {asked[worst]:.3g} m/s of actuator "
             f"{members.gearing.labels[worst]}, whose limit is {_limit_said(members, worst, rate_max)}, so the "

@@ -89,7 +89,7 @@ class Signal:
         values = self._values(times)
         far = np.abs(values if self.about_path else values - self.rest) / self.sizes
         if far.max(initial=0.0) > _FARTHEST:
-            k, i = np.unravel_index(far.argmax(), far.shape)
+            k, i = map(int, np.unravel_index(far.argmax(), far.shape))
             raise SynthesisError(
                 f"the signal wants {values[k, i]:.3g} of {self.labels[i]} at {times[k]:g} s, {far[k, i]:.3g} times the "
                 f"size at which weights count 1 away from rest; at most {_FARTHEST:.0e} times are expected, so give "
