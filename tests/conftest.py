@@ -11,16 +11,26 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 import hypothesis
 import numpy as np
 import pytest
-from jaxtyping import install_import_hook
+from jaxtyping import config, install_import_hook
 
 # Shapes and types in signatures hold in these rooms, or calls raise. Rooms with kernels or protocols are left out.
 _ROOMS = ("structure", "linear", "analysis")
 install_import_hook([f"tensctl.{room}" for room in _ROOMS], "typecheck.checked")
 
 from support import REFERENCE, shell_scene, solved
+from typecheck import check_first_stretches
+
+from tensctl.simulation.moving import Moving
+
+check_first_stretches(Moving)
 
 hypothesis.settings.register_profile("tensctl", deadline=None, derandomize=True, print_blob=True)
 hypothesis.settings.load_profile("tensctl")
+
+
+def pytest_runtest_setup():
+    """Shapes are checked, also after a run that was expected to fail on its way."""
+    config.update("jaxtyping_disable", False)
 
 
 @pytest.fixture
