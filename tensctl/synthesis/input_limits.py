@@ -43,7 +43,8 @@ class InputLimits:
     def of(cls, dynamics: Dynamics, rate_max: float, dt: float, u_max: Size | None) -> InputLimits:
         """Those of a structure's inputs: a rate limit, m/s, a period, s, and a largest change of rest lengths, m."""
         members = dynamics.members
-        return cls(*input_range(dynamics.structure, members, u_max), fastest_rates(members, rate_max) * dt)
+        fastest = np.minimum(rate_max / members.gearing.largest, powered_rates(members))
+        return cls(*input_range(dynamics.structure, members, u_max), fastest * dt)
 
     @property
     def range(self) -> tuple[Float[np.ndarray, " nu"], Float[np.ndarray, " nu"]]:
@@ -77,11 +78,6 @@ def input_reach(structure: Structure, members: Members, u_max: Size | None) -> F
         most = by_label(structure.tendon_labels, u_max, "u_max", np.inf)[members.inputs]
         np.minimum.at(reach, members.gearing.motor, most / np.abs(members.gearing.ratio))
     return reach
-
-
-def fastest_rates(members: Members, rate_max: float) -> Float[np.ndarray, " nu"]:
-    """Largest speed of each input, m/s: of its fastest tendon's rate limit, and of its motor's power."""
-    return np.minimum(rate_max / members.gearing.largest, powered_rates(members))
 
 
 def powered_rates(members: Members) -> Float[np.ndarray, " nu"]:

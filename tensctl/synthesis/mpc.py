@@ -89,7 +89,7 @@ class MPC:
     SceneError
         A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        A path that is faster than its inputs may be, a signal that does not fit the weighted outputs, a mode beyond
+        A path that is faster than its motors are, a signal that does not fit the weighted outputs, a mode beyond
         the Nyquist frequency, no input, or no solution of the terminal Riccati equation.
     """
 
@@ -143,7 +143,7 @@ class MPC:
         _check_size(self.linear, self.horizon)
         self.hard = InputLimits.of(self.linear.dynamics, self.rate_max, self.dt, self.u_max)
         refuse_beyond(self.reference, self.linear.inputs, self.hard.range)
-        refuse_outrun(self.reference, self.linear.dynamics.members, self.rate_max)
+        refuse_outrun(self.reference, self.linear.dynamics.members)
         for knot in range(len(self.reference.equilibria)):
             self._piece(knot)
         rest = self.linear.equilibrium

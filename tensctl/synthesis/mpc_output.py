@@ -114,7 +114,7 @@ class OutputMPC(MPC):
         drift = argument("drift", drift, Number("deviations of a sensor in 1 s", above=0))
         if path is not None:
             check_reference(path, linear.dynamics)
-            refuse_outrun(path, linear.dynamics.members, self.rate_max)
+            refuse_outrun(path, linear.dynamics.members)
         self.sensors = sensors
         self.wanted: Reference = Hold(linear.equilibrium) if path is None else path
         self.model: Disturbed = disturbed(self.linear, sensors, self.dt)

@@ -84,7 +84,7 @@ class NonlinearMPC:
     SceneError
         A setting that `[mpc]` of a scene would refuse.
     SynthesisError
-        No input, a path that is faster than its inputs may be, a mode beyond the Nyquist frequency that is refused, a
+        No input, a path that is faster than its motors are, a mode beyond the Nyquist frequency that is refused, a
         motion too fast for the period, or no solution of the terminal Riccati equation.
     """
 
@@ -123,7 +123,7 @@ class NonlinearMPC:
         check_reference(self.reference, dynamics)
         self.hard = InputLimits.of(dynamics, self.rate_max, self.dt, self.u_max)
         refuse_beyond(self.reference, dynamics.input_labels, self.hard.range)
-        refuse_outrun(self.reference, dynamics.members, self.rate_max)
+        refuse_outrun(self.reference, dynamics.members)
         self._roll = rolling(dynamics, asked.dt)
         self._measures: dict[int, Measure] = {}
         self._states: dict[tuple[int, float], np.ndarray] = {}

@@ -2,7 +2,7 @@
 
 T = T_rest + dT / f^2,   du/dt = v / f + dv / f^3,   P = T du/dt   for a leg that takes f times as long
 
-A controller keeps the speeds of motors within limits of its own; a path that is faster would leave it behind.
+A controller keeps the speeds of motors within what their power allows; a path that is faster would leave it behind.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from tensctl.errors import SynthesisError
 from tensctl.structure import Members
-from tensctl.synthesis.input_limits import fastest_rates, powered_rates
+from tensctl.synthesis.input_limits import powered_rates
 from tensctl.synthesis.legs import Leg
 from tensctl.synthesis.path import ShapePath
 from tensctl.synthesis.reference import Reference
@@ -74,24 +74,23 @@ def refuse_stronger(path: ShapePath, power_max: float) -> None:
         )
 
 
-def refuse_outrun(reference: Reference, members: Members, rate_max: float) -> None:
-    """Refuse a planned path on which an input is faster than its controller lets it be.
+def refuse_outrun(reference: Reference, members: Members) -> None:
+    """Refuse a planned path on which a motor would have to be faster than its power lets it be.
 
     Parameters
     ----------
     reference : Reference
         Only a ShapePath says how fast it means to be.
     members : Members
-    rate_max : float, m/s
 
     Raises
     ------
     SynthesisError
         With the first leg that is, the actuator, both speeds, and the time that would do.
     """
-    if not isinstance(reference, ShapePath):
+    limits = powered_rates(members)
+    if not isinstance(reference, ShapePath) or not np.isfinite(limits).any():
         return
-    limits = fastest_rates(members, rate_max)
     for leg in reference.legs:
         speeds = _speeds(reference, leg)
         asked = speeds(1.0).max(axis=0)
@@ -101,20 +100,10 @@ def refuse_outrun(reference: Reference, members: Members, rate_max: float) -> No
         needed = ABOVE * leg.duration * _longer(lambda f, of=speeds: bool((of(f) > limits).any()))
         raise SynthesisError(
             f"{leg.key}.duration = {leg.duration:g} s asks {asked[worst]:.3g} m/s of actuator "
-            f"{members.gearing.labels[worst]}, whose limit is {_limit_said(members, worst, rate_max)}, so the "
+            f"{members.gearing.labels[worst]}, whose limit is {limits[worst]:.3g} m/s (actuators.power_max = "
+            f"{members.power_max:g} W over its {members.stall[worst]:.3g} N with every tendon at force_max), so the "
             f"controller would stay behind; allow {needed:.3g} s or more, or raise that limit."
         )
-
-
-def _limit_said(members: Members, motor: int, rate_max: float) -> str:
-    """The speed that an actuator may have, and what it comes from, in words."""
-    powered, rated = powered_rates(members)[motor], rate_max / members.gearing.largest[motor]
-    if powered < rated:
-        return (
-            f"{powered:.3g} m/s (actuators.power_max = {members.power_max:g} W over its {members.stall[motor]:.3g} N "
-            "with every tendon at force_max)"
-        )
-    return f"{rated:.3g} m/s (rate_max = {rate_max:g} m/s)"
 
 
 def _longer(beyond: Callable[[float], bool]) -> float:
