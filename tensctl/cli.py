@@ -232,7 +232,3 @@ def _load(path: Path) -> Scene:
 def _fault(sentence: str) -> int:
     print(f"tensctl: {' '.join(sentence.split())}", file=sys.stderr)
     return USER_FAULT
-
-
-if __name__ == "__main__":
-    sys.exit(main())

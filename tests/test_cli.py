@@ -142,7 +142,7 @@ def test_version(capsys):
 
 
 def test_as_a_process(tmp_path):
-    command = [sys.executable, "-m", "tensctl.cli", "check", str(tmp_path / "nowhere.toml")]
+    command = [sys.executable, "-m", "tensctl", "check", str(tmp_path / "nowhere.toml")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("tensctl: ")

@@ -26,6 +26,7 @@ ROOMS = (
     "codegen",
     "pipeline",
     "cli",
+    "__main__",
 )
 TOOLS = ("errors", "jit", "progress", "atomic", "threads")
 HEAVY = ("numba", "scipy.linalg", "control", "cvxpy", "xarray", "osqp", "matplotlib", "pydantic")
