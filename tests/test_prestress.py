@@ -1,5 +1,8 @@
 """Prestress at given nodes: bases span what they claim, optima are optima, and verdicts tell the truth."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import scipy.optimize
@@ -558,3 +561,11 @@ class TestLevels:
         loaded = tc.find_equilibrium(shell_scene(pins=["P1_*_1"], loads={"P4_*": [0, 0, -0.1]}))
         with pytest.raises(tc.EquilibriumError, match="only a self-stress"):
             prestress_levels(loaded, [1.0])
+
+
+def test_linear_programmes_print_nothing():
+    """Not even once a process, as a solver may."""
+    asked = "import tensctl as tc\ntry: tc.admissible_prestress(tc.prism(3, twist=80), tension_min=1.0)\n"
+    asked += "except tc.EquilibriumError: pass\nelse: raise SystemExit('a prestress was found')"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")
