@@ -236,7 +236,10 @@ def run(mast):
     return tc.simulate(*mast[:2], timepts=[0.0, 1e-3])
 
 
-@pytest.mark.parametrize("wrong", [object(), -1.5, np.nan, [[1], [2, 3]], np.array(["q", "r"])], ids=lambda wrong: type(wrong).__name__)
+ODD = ["object", "negative", "nan", "ragged", "words"]
+
+
+@pytest.mark.parametrize("wrong", [object(), -1.5, np.nan, [[1], [2, 3]], np.array(["q", "r"])], ids=ODD)
 @pytest.mark.parametrize("name", ASIDE)
 def test_what_runs_are_given_besides(mast, run, name, wrong):
     call, sentence = ASIDE[name]
@@ -262,7 +265,7 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("wrong", [object(), [[1], [2, 3]], {}, 1j], ids=lambda wrong: type(wrong).__name__)
+@pytest.mark.parametrize("wrong", [object(), [[1], [2, 3]], {}, 1j], ids=["object", "ragged", "dict", "complex"])
 @pytest.mark.parametrize("name", SCENES)
 def test_calls_with_what_is_no_scene_or_model(name, wrong):
     call, argument = SCENES[name]
