@@ -210,7 +210,7 @@ ASIDE = {
     "recovery equilibrium": (lambda x, mast, run: recovered(mast, equilibrium=x), "^equilibrium is of type"),
     "disturbances": (lambda x, mast, run: recovered(mast, disturbances=x), r"^disturbances holds .*tc\.Kick"),
     "cap": (lambda x, mast, run: recovered(mast, cap=x), "^cap is .*a finite number > 0"),
-    "hold": (lambda x, mast, run: recovered(mast, hold=x), "^hold is .*a finite number > 0"),
+    "hold": (lambda x, mast, run: recovered(mast, hold=x), "^hold is .*a finite number >= 0"),
     "collide": (lambda x, mast, run: recovered(mast, collide=x), "^collide is .*true or false"),
     "below": (lambda x, mast, run: recovered(mast, below=x), "^below is .*a whole number >= 0"),
     "times of a history": (lambda x, mast, run: tc.History("P4_1_1", x, [[1.0, 0.0, 0.0]]), "^the times|^times"),

@@ -48,8 +48,9 @@ def work_precision(scene: Scene, *, budget: float | None = None) -> WorkPrecisio
         An argument of another kind, or a reference that cannot be made.
     """
     check_kind(Scene, error=SimulationError, scene=scene)
-    if budget is not None:
-        budget = argument("budget", budget, Number("s", above=0), SimulationError)
+    unbounded = isinstance(budget, float) and budget == np.inf
+    if budget is not None and not unbounded:
+        budget = argument("budget", budget, Number("s", least=0), SimulationError)
     asked = AccuracyStage() if scene.accuracy is None else scene.accuracy
     motion = Motion.of(scene, asked.t_end)
     methods = asked.methods or applicable(motion.dynamics)

@@ -136,7 +136,7 @@ def simulate_many(
     check_kind(Dynamics, error=SimulationError, dynamics=dynamics)
     check_kind(Variations, error=SimulationError, variations=variations)
     if workers is not None:
-        workers = argument("workers", workers, Number("threads", least=1, whole=True), SimulationError)
+        workers = argument("workers", workers, Number("threads", least=0, whole=True), SimulationError)
     given = variations.given
     count = _count(dynamics, given)
     times = real("timepts", timepts, "finite times in ascending order, s,", SimulationError)

@@ -97,7 +97,7 @@ def recovery(
         raise SimulationError("no disturbance is given; give pushes, or kicks of modes.")
     for name, value in (("cap", cap), ("t_end", t_end), ("within", within), ("width", width)):
         argument(name, value, Number(above=0), SimulationError)
-    stay: float = _hold(equilibrium) if hold is None else argument("hold", hold, Number("s", above=0), SimulationError)
+    stay: float = _hold(equilibrium) if hold is None else argument("hold", hold, Number("s", least=0), SimulationError)
     collide = argument("collide", collide, Choice(True, False), SimulationError)
     below = argument("below", below, Number("amplitudes", least=0, whole=True), SimulationError)
     late = max(map(over_at, disturbances)) + stay
