@@ -17,7 +17,7 @@ from tensctl.accuracy.reference import Reference
 from tensctl.accuracy.result import Attempt, WorkPrecision
 from tensctl.errors import SimulationError, TensctlError
 from tensctl.scene import AccuracyStage, Scene
-from tensctl.scene.given import argument, check_kind
+from tensctl.scene.given import argument, check_kind, endless
 from tensctl.scene.values import Number
 from tensctl.simulation import Run
 from tensctl.simulation.integrators import Method
@@ -48,8 +48,7 @@ def work_precision(scene: Scene, *, budget: float | None = None) -> WorkPrecisio
         An argument of another kind, or a reference that cannot be made.
     """
     check_kind(Scene, error=SimulationError, scene=scene)
-    unbounded = isinstance(budget, float) and budget == np.inf
-    if budget is not None and not unbounded:
+    if budget is not None and not endless(budget):
         budget = argument("budget", budget, Number("s", least=0), SimulationError)
     asked = AccuracyStage() if scene.accuracy is None else scene.accuracy
     motion = Motion.of(scene, asked.t_end)

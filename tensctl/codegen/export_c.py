@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.resources import files
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from tensctl.codegen.feedback import lqg_facts, lqr_facts
 from tensctl.codegen.literals import Table, number
 from tensctl.codegen.predictive import predictive
 from tensctl.errors import OutputError
-from tensctl.scene.given import argument
+from tensctl.scene.given import argument, place
 from tensctl.scene.values import Number
 from tensctl.synthesis import (
     LQG,
@@ -83,9 +82,7 @@ def export_c(controller: Exportable, path: str | Path, *, max_iterations: int | 
     if max_iterations is not None:
         most = Number("changes of the active set", least=1, whole=True)
         max_iterations = argument("max_iterations", max_iterations, most, OutputError)
-    if not isinstance(path, str | PathLike):
-        raise OutputError(f"path is of type {type(path).__name__}; a file NAME.c or a folder is expected.")
-    path = Path(path)
+    path = place("path", path, "a file NAME.c or a folder", OutputError)
     if path.is_dir():
         path = path / f"{_NAME}.c"
     if path.suffix != ".c" or not path.parent.is_dir():

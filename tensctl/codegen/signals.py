@@ -14,7 +14,6 @@ from tensctl.codegen.literals import Table
 from tensctl.synthesis import MPC
 from tensctl.synthesis.mpc_weights import Weighed
 from tensctl.synthesis.reference import Reference, outputs_along
-from tensctl.synthesis.signal import Courses, Signal
 
 
 def signal_facts(mpc: MPC, reference: Reference, times: np.ndarray, shown: int) -> dict[str, Any]:
@@ -34,7 +33,7 @@ def signal_facts(mpc: MPC, reference: Reference, times: np.ndarray, shown: int) 
     if signal is None or following is None:
         return {"signal": None, "wanted": 0, "told": 0, "tables": (), "sizes": [], "last": 0}
     weighed, ny = following.weighed, len(signal.labels)
-    knots = _knots(signal)
+    knots = signal.knots
     facts: dict[str, Any] = {"preview": mpc.preview, "about_path": signal.about_path, "wanted": mpc.horizon * ny}
     tables = () if signal.about_path else (_along(reference, weighed, times),)
     if knots is None:
@@ -54,13 +53,6 @@ def signal_facts(mpc: MPC, reference: Reference, times: np.ndarray, shown: int) 
     sizes = [("OUTPUTS", ny, "that follow the signal"), ("KNOTS", knots.size, "of the signal")]
     last = max(0, int(knots[-1] / mpc.dt) + 2)
     return facts | {"signal": "table", "told": 0, "tables": tables, "sizes": sizes, "last": last}
-
-
-def _knots(signal: Signal) -> np.ndarray | None:
-    """Times between which a signal goes in straight lines, s; None for a function."""
-    if isinstance(signal.given, Courses):
-        return np.unique(np.concatenate([np.asarray(course[0], float) for course in signal.given.table.values()]))
-    return np.asarray(signal.given[0], float) if isinstance(signal.given, tuple) else None
 
 
 def _along(reference: Reference, weighed: Weighed, times: np.ndarray) -> Table:

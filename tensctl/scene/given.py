@@ -59,6 +59,11 @@ def real(name: str, value: Any, expected: str, error: type[TensctlError] = Synth
     raise error(f"{name} is {shown(value)}; {expected} is expected.")
 
 
+def endless(value: object) -> bool:
+    """Whether a value is infinity, for arguments that may be without bound."""
+    return isinstance(value, float) and value == np.inf
+
+
 def place(name: str, value: object, expected: str, error: type[TensctlError] = SynthesisError) -> Path:
     """The path of a file or folder.
 

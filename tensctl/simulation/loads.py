@@ -14,7 +14,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.scene import PushRequest, WaveRequest
-from tensctl.scene.given import argument, real
+from tensctl.scene.given import argument, endless, real
 from tensctl.scene.values import Text
 from tensctl.simulation.times import ascends
 from tensctl.structure import matches
@@ -84,7 +84,7 @@ class Wave:
         """
         WaveRequest.checked(
             node=self.node, force=self.force, frequency=self.frequency, phase=self.phase, start=self.start,
-            stop=None if isinstance(self.stop, float) and self.stop == np.inf else self.stop,
+            stop=None if endless(self.stop) else self.stop,
         )  # fmt: skip
 
     def at(self, t: float) -> np.ndarray:

@@ -19,7 +19,7 @@ import numpy as np
 from tensctl.errors import SimulationError
 from tensctl.model import Dynamics
 from tensctl.scene.complaint import shown
-from tensctl.scene.given import argument, check_kind, place, real
+from tensctl.scene.given import argument, check_kind, endless, place, real
 from tensctl.scene.values import Number
 from tensctl.simulation.checked import check_counter, check_each, check_pushes
 from tensctl.simulation.controller import Controller
@@ -114,14 +114,15 @@ def simulate(
     if controller is not None:
         controller.reset()
     moving.begin(course.edges[0])
-    file = None if store is None else Store(Path(store), dynamics, request)
+    file = None if store is None else Store(store, dynamics, request)
     with one_blas_thread():
         return follow(moving, course, controller, progress, file)
 
 
 def _speed(rate_max: float) -> float:
-    unlimited = isinstance(rate_max, float) and rate_max == np.inf
-    return rate_max if unlimited else argument("rate_max", rate_max, Number("m/s", above=0), SimulationError)
+    if endless(rate_max):
+        return rate_max
+    return argument("rate_max", rate_max, Number("m/s", above=0), SimulationError)
 
 
 def _check(tol: float, method: str, controller: Controller | None, progress: Counter | None) -> None:

@@ -67,11 +67,11 @@ class Signal:
     rest: Float[np.ndarray, " ny"]
 
     @property
-    def knots(self) -> Float[np.ndarray, " k"]:
-        """Times of its tables, s; of a function only the first moment is known."""
+    def knots(self) -> Float[np.ndarray, " k"] | None:
+        """Times between which it goes in straight lines, s; None for a function."""
         if isinstance(self.given, Courses):
-            return np.unique(np.concatenate([np.zeros(1), *(course[0] for course in self.given.table.values())]))
-        return np.asarray(self.given[0], float) if isinstance(self.given, tuple) else np.zeros(1)
+            return np.unique(np.concatenate([np.asarray(course[0], float) for course in self.given.table.values()]))
+        return np.asarray(self.given[0], float) if isinstance(self.given, tuple) else None
 
     @property
     def about_path(self) -> bool:
@@ -173,5 +173,6 @@ def signal_for(weights: Weights, linear: LinearModel, given: Wanted | None) -> S
     rest = outputs_along(Hold(linear.equilibrium), weighed.linear, np.zeros(1))[0]
     signal = Signal(weighed.linear.outputs, given, weighed.sizes, rest)
     signal.at(np.zeros(1))
-    signal.at(signal.knots)
+    if (knots := signal.knots) is not None:
+        signal.at(knots)
     return signal
